@@ -344,7 +344,7 @@ fn watching_changes_nothing() {
             ranges
                 .0
                 .iter()
-                .all(|range| range.words == 0 || range.is_seen())
+                .all(|range| range.words == 0 || range.has_words())
         );
         assert!(
             ranges.0.iter().map(|range| range.words).sum::<u64>() > watched.outcomes.total() / 10

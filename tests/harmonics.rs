@@ -5,7 +5,7 @@ use crate::traced::machine;
 use rtl_model::elaboration::Operator;
 use rtl_model::machine::timing::Colour;
 use rtl_model::pipeline::draw_measured;
-use rtl_model::timing::{self, Client, Cycles, Detail};
+use rtl_model::timing::{self, Cycles, Detail, Requester};
 use rtl_model::work::Work;
 use rtl_model::{Elaborated, Machine};
 use serde_json::json;
@@ -85,7 +85,7 @@ fn frame(scene: &Scene, machine: &Machine) -> FrameCosts {
 
 impl FrameCosts {
     fn bytes(&self) -> u64 {
-        self.cycles.memory.bytes[Client::Splats as usize][0]
+        self.cycles.memory.bytes[Requester::Splats as usize][0]
     }
 
     fn colour(&self) -> Option<&timing::UnitCycles> {

@@ -634,7 +634,7 @@ fn only_the_pipeline_names_several_units() {
 
 /// Function and time meet only in recorded work: timing computes no values, and code that computes
 /// values counts no cycles. Machines that differ only in these therefore take the same cycles
-/// (`Microarchitecture::keeps_time_as`).
+/// (`Microarchitecture::same_cycles_as`).
 #[test]
 fn timing_depends_on_no_path_and_on_no_kept_bit() {
     let asked = |code: &str| {
@@ -663,7 +663,7 @@ fn timing_names_only_recorded_work_and_its_own_description() {
     // In a batched replay, each machine is a lane of the host's vector registers.
     let is_known = |path: &str, step: &str| match step {
         "elaboration" | "machine" | "work" | "timing" => true,
-        "kernels" | "num" => path.ends_with("timing/binned/abreast.rs"),
+        "kernels" | "num" => path.ends_with("timing/binned/batched.rs"),
         _ => false,
     };
     let stranger = |path: &str, code: &str| -> Vec<String> {

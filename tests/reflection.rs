@@ -9,7 +9,7 @@ use rtl_model::Machine;
 use rtl_model::machine::timing::Environment;
 use rtl_model::machine::{FunctionUnit, Sight};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
-use rtl_model::timing::{self, Client, Cycles, Detail};
+use rtl_model::timing::{self, Cycles, Detail, Requester};
 use serde_json::{Value, json};
 use splatsim::accuracy::partial::{ChosenWords, MixedDrawing};
 use splatsim::accuracy::{Lockstep, lockstep, metrics};
@@ -357,7 +357,7 @@ fn a_mirror_costs_area_and_cycles() {
     assert_eq!(rest(&mirror(Sight::Ray)), rest(&without));
     let mut cache_alone = without;
     cache_alone.timing.environment = Some(Environment::default());
-    assert!(cache_alone.elaborate().unwrap_err()[0].contains("no `reflect` that looks one up"));
+    assert!(cache_alone.elaborate().unwrap_err()[0].contains("no `reflect` that uses one"));
 }
 
 /// From memory the bits are the same as from a table. The area of a cache replaces that of the
@@ -380,7 +380,7 @@ fn a_map_in_memory_draws_the_same_picture_and_its_reads_are_counted() {
         let (drawing, _, work) =
             fixed::draw_measured(&elaborated, &quantise::quantise(&scene, machine).unwrap());
         let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
-        let bytes = cycles.memory.bytes[Client::Environment as usize];
+        let bytes = cycles.memory.bytes[Requester::Environment as usize];
         (
             fixed::picture(&elaborated, &drawing).rgba,
             cycles,
@@ -443,7 +443,7 @@ fn a_map_in_memory_draws_the_same_picture_and_its_reads_are_counted() {
     assert_eq!(
         timing::replay(&cached.timing, &work, Detail::Accounts)
             .memory
-            .bytes[Client::Environment as usize],
+            .bytes[Requester::Environment as usize],
         [0; 2]
     );
 }

@@ -1730,7 +1730,7 @@ fn modelled(trace: &Traced, scene: &str, wired: &Machine, settings: &[&str]) -> 
     );
     let cycles = timing::replay(&elaborated.timing, &work, Detail::Histograms);
     assert_eq!(
-        cycles.memory.bytes[timing::Client::FrameRead as usize],
+        cycles.memory.bytes[timing::Requester::FrameRead as usize],
         [0, 0],
         "a line came back from memory"
     );

@@ -5,7 +5,7 @@ use crate::handmade::{Rng, confetti, scene, splat};
 use crate::program::PROGRAM;
 use glam::DVec3;
 use rtl_model::Machine;
-use rtl_model::timing::{self, Client, Detail as Told};
+use rtl_model::timing::{self, Detail as Told, Requester};
 use rtl_model::work::{self, Visit, Work};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -606,7 +606,7 @@ fn a_view_of_nothing_draws_the_background() {
     let work = evaluation.observe().work;
     assert_eq!(work.check(), Ok(()));
     let cycles = timing::replay(&machine.timing, &work, Told::Log);
-    assert_eq!(cycles.memory.bytes[Client::Splats as usize][0], 64);
+    assert_eq!(cycles.memory.bytes[Requester::Splats as usize][0], 64);
 }
 
 // ---- files ----
@@ -854,7 +854,7 @@ fn a_walk_reads_every_node_of_its_visits() {
             .unwrap();
         let (read, drawn) = (work.walk.len() as u64, work.fates.len() as u64);
         assert!(drawn < 200 && read > drawn && drawn == coarse.splats.len() as u64);
-        let [bytes, written] = cycles.memory.bytes[Client::Splats as usize];
+        let [bytes, written] = cycles.memory.bytes[Requester::Splats as usize];
         let bursts: BTreeSet<u64> = work
             .walk
             .iter()

@@ -9,33 +9,33 @@
 //!                            depth slopes    fragments                     insert, merge,       ▲
 //!                                                                          evict ◄─► shade ◄────┘
 //! ```
-//! A splat is a Gaussian disc; its *footprint* is what it covers on the screen; a *contribution* is
-//! one splat at one pixel, with a *radial index* r, a weight and a depth; a *fragment* is what
-//! contributions of one surface add up to; a pixel holds at most l of them, its *layers*. (Zwicker
-//! et al., *Surface Splatting*, 2001; *EWA Splatting*, 2002.)
+//! A splat is a Gaussian disc; its *footprint* is the screen area that it covers. A *contribution*
+//! is one splat at one pixel, with a *radial index* r, a weight and a depth. A *fragment* is the
+//! sum of the contributions of one surface; a pixel holds at most l fragments, its *layers*.
+//! (Zwicker et al., *Surface Splatting*, 2001; *EWA Splatting*, 2002.)
 //!
-//! Each folder is a layer, and names those below it alone:
+//! Each folder is a layer, and names only those below it:
 //!
 //! ```text
 //! timing        recorded work → cycles
-//! pipeline      elaborates a machine and wires the units; ports field by field; a unit by itself
-//! units         one unit a file: ports, formats, legality, latency, parts, function, laws
+//! pipeline      elaborates a machine and wires the units; ports field by field; unit replay
+//! units         one file per unit: ports, formats, legality, latency, parts, function, laws
 //! graph         a unit's arithmetic as operators on wires, and passes over it
-//! kernels       the host's fast versions of what units do
-//! real          the same steps over real numbers: bounds, partial precision
+//! kernels       the host's fast versions of the units
+//! real          the same steps over real numbers: bounds, mixed precision
 //! functions     reciprocal, square root, table
-//! elaboration   what is gathered while a description is checked: misfits, signals, parts; the microarchitecture
+//! elaboration   checks a description: elaboration errors, signals, parts; the microarchitecture
 //! machine       the description: every format on one page; named machines
-//! probe         what may be watched while the machine draws
-//! work          what happened in a frame, recorded for timing
-//! frame         what the machine is given for one picture
-//! records       what crosses the ports between units
-//! num           what a number is, and the one lossy act, Fit
+//! probe         what can be observed while the machine draws
+//! work          recorded work of a frame, for timing
+//! frame         constants and splats of one picture
+//! records       records that cross the ports between units
+//! num           numbers, and the one lossy operation, Fit
 //! ```
-//! Function and time meet in recorded [`work`] and nowhere else.
+//! Function and time meet only in recorded [`work`].
 //!
-//! Absent on purpose: floats in the datapath, files, clocks, printing, hash-ordered maps. Real
-//! numbers become words in the bench, in one file; no unit counts time.
+//! Deliberately absent: floats in the datapath, files, clocks, printing, hash-ordered maps. The
+//! bench converts real numbers into words, in one file; units do not count time.
 
 pub mod elaboration;
 pub mod frame;

@@ -147,7 +147,7 @@ impl SignalReport {
     /// Report of an observed signal.
     pub fn new(signal: &Signal, range: &Range) -> Self {
         let format = signal.word.format;
-        let value = |word: i64| range.is_seen().then(|| format.value(word));
+        let value = |word: i64| range.has_words().then(|| format.value(word));
         let narrowest = range.narrowest(format);
         let declared = DECLARED_CLAMPS
             .iter()

@@ -472,7 +472,7 @@ fn built(machine: &Elaborated, name: &str, prices: &PerBit) -> (Bits, f64) {
         .find(|pipeline| pipeline.unit == name);
     let of_all =
         |of: fn(&Pipeline) -> u64| stages.map_or(0, |stages| of(stages) * u64::from(stages.units));
-    bits.register = bits.register.max(of_all(|of| of.bits)) + of_all(|of| of.beside);
+    bits.register = bits.register.max(of_all(|of| of.bits)) + of_all(|of| of.merge_bits);
     (bits, logic)
 }
 

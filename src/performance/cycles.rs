@@ -10,8 +10,8 @@ use crate::output::chart::{Axis, Bars, Mark, Panel, Series, Shape};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{
-    self, CLIENTS, Client, Cycles, Direction, Limit, Limited, Request, Share, TileCycles, Tiles,
-    Wait,
+    self, Cycles, Direction, Limit, Limited, REQUESTERS, Request, Requester, Share, TileCycles,
+    Tiles, Wait,
 };
 use rtl_model::work::Work;
 use schemars::JsonSchema;
@@ -191,7 +191,7 @@ impl CyclesReport {
         let requests: u64 = memory.requests.iter().sum();
         let of_memory = &timing.timing.memory;
         let ideal = of_memory.ideal;
-        let of_client = |client: Client| {
+        let of_client = |client: Requester| {
             let [bytes_read, bytes_written] = memory.bytes[client as usize];
             ClientReport {
                 name: client.name(),
@@ -231,7 +231,7 @@ impl CyclesReport {
                     .then(|| clock_hz as f64 * of_memory.bytes_per_1000_cycles() as f64 / 1000.0),
                 row_hit_share: (requests > 0 && !ideal)
                     .then(|| memory.row_hits as f64 / requests as f64),
-                clients: CLIENTS
+                clients: REQUESTERS
                     .into_iter()
                     .filter(|client| memory.requests[*client as usize] > 0)
                     .map(of_client)

@@ -10,7 +10,7 @@
 
 use rtl_model::Machine;
 use rtl_model::machine::Sight;
-use rtl_model::timing::{self, Client, Detail};
+use rtl_model::timing::{self, Detail, Requester};
 use serde_json::json;
 use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
@@ -77,7 +77,7 @@ fn in_memory(scene: &Scene) -> Result<()> {
         let elaborated = fixed::elaborate(&machine)?;
         let (_, _, work) = fixed::draw_measured(&elaborated, &quantise::quantise(scene, &machine)?);
         let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
-        let [read, _] = cycles.memory.bytes[Client::Environment as usize];
+        let [read, _] = cycles.memory.bytes[Requester::Environment as usize];
         let [lookups, hits] = cycles.texels;
         println!(
             "| {0} × {0} | {1} | {2:.0} | {3} | {4:.1} | {5} |",

@@ -1,43 +1,43 @@
-//! Latency: the longest way through a unit, and the cycles that it takes.
+//! Latency: the critical path of a unit, and its cycles.
 //!
 //! ```text
-//! operators, one after the other ─┬─► cycles, where each has registers of its own
-//!                                 └─► delay, FO4 ─►( ÷ what a clock period leaves )─► least cycles
+//! operators in series ─┬─► cycles, if each operator has its own registers
+//!                      └─► delay, FO4 ─►( ÷ clock period less register )─► least cycles
 //! ```
-//! A unit declares its longest way once, with the widths of its operators. Delays are in tenths of
-//! FO4, the delay of an inverter that drives four of its like, so that they hold in any technology.
-//! They are round numbers near what Yosys and ABC map to open 180 nm standard cells
+//! A unit declares its critical path once, with the widths of its operators. Delays are in tenths
+//! of FO4, the delay of a fanout-of-4 inverter, so that they apply to any technology. They are
+//! rounded from the delays of open 180 nm standard cells, mapped by Yosys and ABC
 //! (`sh tests/programs/delays.sh`, docs/book/clock-cells.md).
 //!
 //! Laws: `a_wider_operator_is_never_faster`, `a_faster_clock_never_takes_fewer_cycles`.
 
 use crate::machine::timing::{Technology, Timing};
 
-/// Cycles of a product with registers of its own.
+/// Cycles of a product with its own registers.
 pub const PRODUCT: u32 = 2;
-/// A sum.
+/// Cycles of a sum.
 pub const SUM: u32 = 1;
-/// A table's word.
+/// Cycles of a table look-up.
 pub const TABLE: u32 = 1;
-/// A normalisation: count zeros, shift.
+/// Cycles of a normalisation: count zeros, shift.
 pub const NORMALISE: u32 = 2;
 
-/// What a register takes of each cycle, tenths of FO4: set-up, clock to output, skew.
+/// Share of a register in each cycle, tenths of FO4: set-up, clock to output, skew.
 pub const REGISTER: u32 = 50;
 
-/// Wider words are a misfit long before.
+/// Limit of the widths here. Wider words are an elaboration error anyway.
 const WIDEST: i32 = 1 << 12;
 
-/// A way through operators, one after the other.
+/// A path through operators in series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Path {
-    /// Cycles, where every operator has registers of its own.
+    /// Cycles, if every operator has its own registers.
     pub cycles: u32,
     /// Tenths of FO4.
     pub delay: u32,
 }
 
-/// log2 of a width, sixteenths, straight between powers of two; 0 of 1 or less.
+/// log2 of a width, in sixteenths, linear between powers of two; 0 for widths up to 1.
 fn log2(bits: i32) -> u32 {
     let bits = bits.clamp(1, 2 * WIDEST) as u32;
     let below = bits.ilog2();
@@ -45,13 +45,12 @@ fn log2(bits: i32) -> u32 {
     16 * below + 16 * (bits - power) / power
 }
 
-/// A sum: carries as a tree.
+/// Delay of a sum: a tree of carries.
 fn adder(bits: i32) -> u32 {
     (35 * log2(bits) / 16).saturating_sub(26)
 }
 
 impl Path {
-    /// Goes on through an operator.
     fn step(self, cycles: u32, delay: u32) -> Path {
         Path {
             cycles: self.cycles.saturating_add(cycles),
@@ -59,7 +58,7 @@ impl Path {
         }
     }
 
-    /// A product: rows of adders, as a tree, and the carries of the sum that is left.
+    /// A product: a tree of rows of adders, and the carries of the remaining sum.
     pub fn product(self, a: i32, b: i32) -> Path {
         self.step(
             PRODUCT,
@@ -88,22 +87,22 @@ impl Path {
         self.step(NORMALISE, adder(bits)).shift(bits)
     }
 
-    /// Shifts by any number of places; in the cycles of what it comes after.
+    /// Shifts by any number of places, within the cycles of the operator before it.
     pub fn shift(self, bits: i32) -> Path {
         self.step(0, log2(bits))
     }
 
-    /// One of so many words; in the cycles of what it comes after.
+    /// Selects one of `words` words, within the cycles of the operator before it.
     pub fn choose(self, words: u32) -> Path {
         self.step(0, log2(words as i32))
     }
 
-    /// Rounds to a word, and limits it; in the cycles of what it comes after.
+    /// Rounds to a word and limits it, within the cycles of the operator before it.
     pub fn fit(self, bits: i32) -> Path {
         self.step(0, adder(bits) / 2 + 16)
     }
 
-    /// Compares, and takes one of two words; in the cycles of what it comes after.
+    /// Compares and selects one of two words, within the cycles of the operator before it.
     pub fn limit(self, bits: i32) -> Path {
         self.step(0, adder(bits)).choose(2)
     }
@@ -113,17 +112,17 @@ impl Path {
         self.step(1, 150)
     }
 
-    /// Waits: registers without an operator.
+    /// Registers without an operator.
     pub fn wait(self, cycles: u32) -> Path {
         self.step(cycles, 0)
     }
 
-    /// Goes on along another way.
+    /// Appends another path.
     pub fn then(self, other: Path) -> Path {
         self.step(other.cycles, other.delay)
     }
 
-    /// The longer of two ways side by side.
+    /// The longer of two parallel paths.
     pub fn beside(self, other: Path) -> Path {
         Path {
             cycles: self.cycles.max(other.cycles),
@@ -131,7 +130,7 @@ impl Path {
         }
     }
 
-    /// So many times, one after the other.
+    /// The path `count` times in series.
     pub fn times(self, count: u32) -> Path {
         Path {
             cycles: self.cycles.saturating_mul(count),
@@ -139,8 +138,8 @@ impl Path {
         }
     }
 
-    /// Least cycles at a clock, if its registers lie where they cut it evenly; none where a cycle
-    /// leaves nothing beside its register.
+    /// Least cycles at a clock, with registers that cut the path evenly; none if the register takes
+    /// the whole cycle.
     pub fn least_cycles(self, technology: Technology, clock_hz: u64) -> Option<u32> {
         let Some(fo4_fs) = technology.fo4_fs() else {
             return Some(1);
@@ -156,8 +155,8 @@ impl Path {
         )
     }
 
-    /// Cycles of a latency that is left out: as few as the clock has time for. In ideal gates,
-    /// which take no time, as many as the operators have registers.
+    /// Default latency: as few cycles as the clock allows. Ideal gates take no time; their latency
+    /// is that of operators with their own registers.
     pub fn cycles_at(self, timing: &Timing) -> u32 {
         if timing.technology == Technology::Ideal {
             return self.cycles.max(1);
@@ -166,8 +165,8 @@ impl Path {
             .unwrap_or(1)
     }
 
-    /// Cycles where every operator keeps its registers: as many as these are, or as the clock asks
-    /// for.
+    /// Cycles if every operator keeps its registers: [`Path::cycles`], or more if the clock
+    /// requires more.
     pub fn registered_at(self, timing: &Timing) -> u32 {
         self.cycles.max(
             self.least_cycles(timing.technology, timing.clock_hz)
@@ -175,7 +174,7 @@ impl Path {
         )
     }
 
-    /// Highest clock at which it takes at most so many cycles, Hz; none where that is any.
+    /// Highest clock at which it takes at most `cycles` cycles, Hz; none if any clock does.
     pub fn highest_clock(self, technology: Technology, cycles: u32) -> Option<u64> {
         let fo4_fs = technology.fo4_fs()?;
         let period = self.delay.div_ceil(cycles.max(1)).saturating_add(REGISTER);
@@ -240,8 +239,8 @@ mod tests {
     }
 
     #[test]
-    fn the_least_cycles_are_those_that_the_period_has_room_for() {
-        // 100 FO4 at 10 ps and a register of 5 are 1.05 ns in one cycle, 0.55 ns in two.
+    fn the_least_cycles_leave_room_for_a_register_in_each_period() {
+        // 100 FO4 of 10 ps and a register of 5 FO4: 1.05 ns in one cycle, 0.55 ns in two.
         let path = Path {
             cycles: 1,
             delay: 1000,

@@ -1,8 +1,8 @@
-//! Microarchitecture: works out what a description of timing leaves out.
+//! Microarchitecture: derives the values that a description of timing leaves out.
 //!
 //! ```text
-//! description ─►( elaborate: what is left out follows from the formats )─► latencies, intervals, record sizes
-//!                                          └► every misfit, a sentence each
+//! description ─►( elaborate: missing values follow from the formats )─► latencies, intervals, record sizes
+//!                                          └► every elaboration error, one sentence each
 //! ```
 
 use super::latency::Path;
@@ -16,28 +16,28 @@ use crate::num::Word;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Cycles of a unit, nothing left out.
+/// Cycles of a unit, every value given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Pace {
-    /// Units side by side.
+    /// Parallel units.
     pub units: u32,
-    /// From an item to its result.
+    /// Cycles from an item to its result.
     pub latency: u32,
-    /// From one item to the next.
+    /// Initiation interval, cycles.
     pub interval: u32,
-    /// Results that can wait behind it; as many more as are on their way through it.
+    /// Places of the FIFO behind it; the results in its pipeline come in addition.
     pub fifo: u32,
 }
 
 impl Pace {
-    /// Results that have room between this unit's accepting and the next one's.
+    /// Results that fit between the input of this unit and that of the next one.
     pub fn room(&self) -> usize {
         (self.fifo + self.latency.div_ceil(self.interval)) as usize * self.units as usize
     }
 }
 
 impl Microarchitecture {
-    /// Whether each unit of the fill stands alone, and merging holds it.
+    /// Whether the fill has one unit of each kind, which stalls while it merges.
     pub fn is_single(&self) -> bool {
         [
             self.engines,
@@ -48,16 +48,16 @@ impl Microarchitecture {
         ] == [1; 5]
     }
 
-    /// Sorters of lists side by side; 0 where there are none.
+    /// Parallel sorters of lists; 0 if there are none.
     pub fn sorters(&self) -> u32 {
         self.sort
             .and_then(|sort| sort.sorter)
             .map_or(0, |sorter| sorter.units)
     }
 
-    /// Whether the same work takes the same cycles: nothing differs but how long paths are, and how
-    /// many bits are kept on the chip.
-    pub fn keeps_time_as(&self, other: &Self) -> bool {
+    /// Whether the same work takes the same cycles: only critical paths and on-chip storage may
+    /// differ.
+    pub fn same_cycles_as(&self, other: &Self) -> bool {
         let (paths, pipelines, storage) = (other.paths, other.pipelines, other.storage);
         Microarchitecture {
             paths,
@@ -67,10 +67,10 @@ impl Microarchitecture {
         } == *other
     }
 
-    /// Whether a binned machine that goes through tiles as another does writes the same lists in
-    /// the same cycles, too: they differ in what comes behind these alone. Shade does, where splats
-    /// are not lit in setup.
-    pub fn lists_as(&self, other: &Self, preshaded: bool) -> bool {
+    /// Whether a binned machine that visits tiles in the same order as another one writes the same
+    /// lists in the same cycles: they may differ only in the units behind the lists. Shade is one
+    /// of these unless splats are lit in setup.
+    pub fn same_lists_as(&self, other: &Self, preshaded: bool) -> bool {
         let behind = [unit::RASTER, unit::GAUSS, unit::FRAGMENT, unit::RESOLVE];
         let is_behind = |name: &&str| behind.contains(name) || *name == unit::SHADE && !preshaded;
         let lifted = |of: &Self| of.lifted.filter(|name| !is_behind(name));
@@ -122,21 +122,20 @@ impl Microarchitecture {
             && before(self) == before(other)
     }
 
-    /// Lanes of a stamp that one of the fragment units has.
+    /// Lanes of a stamp that belong to one fragment unit.
     pub fn lanes_of_fragment(&self) -> u32 {
         lanes_of_fragment(&self.timing)
     }
 
-    /// What splats take whose colours are harmonics of a degree; none where colours are as they
-    /// are.
+    /// Colour timing of splats with harmonics of this degree; none if colours are stored as such.
     pub fn colour_of(&self, degree: u8) -> Option<&ColourPace> {
         usize::from(degree)
             .checked_sub(1)
             .and_then(|place| self.colour.get(place))
     }
 
-    /// Bytes of a splat in memory, of a frame whose splats share their axes or not, and have
-    /// harmonics of a degree.
+    /// Bytes of a splat in memory, by whether all splats share their axes, and the degree of their
+    /// harmonics.
     pub fn record_bytes(&self, shares_axes: bool, degree: u8) -> u32 {
         let own = self
             .colour_of(degree)
@@ -145,7 +144,7 @@ impl Microarchitecture {
     }
 }
 
-/// An elaborated microarchitecture: every derived value beside what it was derived from.
+/// An elaborated microarchitecture: the description and the values derived from it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Microarchitecture {
     /// The description.
@@ -157,8 +156,8 @@ pub struct Microarchitecture {
     pub project: Pace,
     /// An item is a splat.
     pub ellipse: Pace,
-    /// An item is a splat whose colour is harmonics of degree 1, 2 and so on; none where the
-    /// machine works no colours out.
+    /// An item is a splat whose colour is harmonics of degree 1, 2 and so on; empty if the machine
+    /// does not evaluate harmonics.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub colour: Vec<ColourPace>,
     /// An item is a stamp.
@@ -167,13 +166,13 @@ pub struct Microarchitecture {
     pub gauss: Pace,
     /// An item is a stamp whose weights are not all 0.
     pub cache: Pace,
-    /// Likewise; merging takes more.
+    /// An item is a stamp whose weights are not all 0; merging takes longer.
     pub fragment: Pace,
-    /// Cycles before the same pixel can be taken again.
+    /// Cycles until the same pixel can be read again.
     pub hazard: u32,
-    /// Stamps whose fragments are merged at a time, in each fragment unit.
+    /// Stamps that merge fragments at the same time, in each fragment unit.
     pub merges_in_flight: u32,
-    /// Copies of all that follows the lists.
+    /// Copies of all units behind the lists.
     pub engines: u32,
     /// An item is a fragment.
     pub shade: Pace,
@@ -184,12 +183,13 @@ pub struct Microarchitecture {
     pub sort: Option<SortShape>,
     /// Bytes of a splat in memory.
     pub splat_bytes: u32,
-    /// The same where all splats of a frame have the axes that lie in registers.
+    /// Bytes of a splat in memory if all splats of a frame use the axes in registers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_bytes: Option<u32>,
-    /// Bytes of a splat that is set up, in the memory of a binned machine.
+    /// Bytes of a splat after setup, in the memory of a binned machine.
     pub prepared_bytes: u32,
-    /// Bytes of a tree's node in memory: its splat, its sphere, its cone, where its children are.
+    /// Bytes of a tree node in memory: its splat, its sphere, its cone, the address of its
+    /// children.
     #[serde(skip)]
     pub node_bytes: u32,
     /// Bytes of a fragment in the frame buffer.
@@ -198,42 +198,42 @@ pub struct Microarchitecture {
     pub frame_bytes: u32,
     /// Bytes of a line of the frame buffer.
     pub line_bytes: u32,
-    /// The map of surroundings, of a machine that mirrors them.
+    /// The map of surroundings, if the machine reflects them.
     #[serde(skip)]
     pub map: Option<MapShape>,
-    /// Splats are lit in setup by a shade unit of its own, for fragments take theirs meanwhile:
-    /// where they are grouped by windows.
+    /// Setup has a shade unit for lighting splats, because fragments use the others at the same
+    /// time: if they are grouped by windows.
     #[serde(skip)]
     pub lights_setup: bool,
-    /// Shade units, all together: those for fragments; where windows are formed, as many for setup;
-    /// where tiles have two buffers, as many for resolving; all but setup's once for each engine.
+    /// Total number of shade units: those for fragments; if windows are formed, as many for setup;
+    /// if tiles have two buffers, as many for resolving. All but those of setup exist once per
+    /// engine.
     #[serde(skip)]
     pub shade_units: u32,
-    /// Longest way through each unit.
+    /// Critical path of each unit.
     #[serde(skip)]
     pub paths: Paths,
-    /// Registers between the stages of each unit.
+    /// Pipeline registers of each unit.
     #[serde(skip)]
     pub pipelines: [Pipeline; 8],
-    /// Words that wait and that are kept on the chip.
+    /// Buffered words and words kept on the chip.
     pub storage: Storage,
-    /// Memory that is bought as a preset has it, at this clock.
+    /// The memory at this clock, with the values of its preset.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory: Option<Memory>,
-    /// A unit that is infinitely fast, to see what it costs: no machine has one.
+    /// A unit made infinitely fast, to measure its cost: not a real machine.
     #[serde(skip)]
     pub lifted: Option<&'static str>,
 }
 
-/// The map of surroundings in memory: all of it is loaded before a frame, or lines of it by a cache
-/// while that is drawn.
+/// The map of surroundings in memory: loaded whole before a frame, or line by line through a cache.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapShape {
-    /// 2^this texels a side.
+    /// Side of the map: 2^this texels.
     pub index_bits: u32,
     /// Bytes of a texel.
     pub texel_bytes: u32,
-    /// Its cache; none where the chip has all of it.
+    /// Its cache; none if the whole map is loaded onto the chip.
     pub cache: Option<Environment>,
 }
 
@@ -253,32 +253,32 @@ impl MapShape {
     }
 }
 
-/// What harmonics of one degree take.
+/// Cycles and sizes for harmonics of one degree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct ColourPace {
     /// Cycles.
     #[serde(flatten)]
     pub pace: Pace,
-    /// Products for each splat.
+    /// Products per splat.
     pub products: u32,
-    /// Bytes of a splat in memory, its coefficients in the place of its colour.
+    /// Bytes of a splat in memory, with coefficients instead of a colour.
     pub splat_bytes: u32,
-    /// Bits that it has more than one with a colour.
+    /// Bits more than those of a splat with a colour.
     #[serde(skip)]
     pub more_bits: u32,
 }
 
-/// Registers between the stages of a unit: of each stage half of what comes in and half of what
-/// goes out, on average.
+/// Pipeline registers of a unit: each stage has half of the input bits and half of the output bits,
+/// on average.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pipeline {
     /// The unit.
     pub unit: &'static str,
-    /// Bits of one such unit: stages that hold an item at a time, times bits of each.
+    /// Bits of one unit: stages that hold an item each, times bits per stage.
     pub bits: u64,
-    /// Bits beside the stages of one: what waits to be merged.
-    pub beside: u64,
-    /// How many work side by side.
+    /// Bits outside the pipeline of one unit: fragments that are to be merged.
+    pub merge_bits: u64,
+    /// Number of parallel units.
     pub units: u32,
 }
 
@@ -288,73 +288,73 @@ impl Pipeline {
         Pipeline {
             unit,
             bits: (stages * (comes_in.max(0) + goes_out.max(0)) as u64).div_ceil(2),
-            beside: 0,
+            merge_bits: 0,
             units,
         }
     }
 }
 
-/// Words kept on the chip, besides the registers of the units: bits.
+/// Words kept on the chip, except the registers of the units: bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Storage {
     /// All FIFOs, in the order of the diagram.
     pub fifos: [Fifo; 8],
-    /// Tiles, or the cache with its tags and the lines that are on their way; counts of the sort's
-    /// digits, or its buffers; requests to memory under way.
+    /// Tiles, or the cache with its tags and the lines in flight; counts of the sort's digits, or
+    /// its buffers; outstanding requests to memory.
     pub memory_bits: u64,
-    /// A pixel of the frame buffer: frame words, or all fragments of an immediate machine.
+    /// A pixel of the frame buffer: its frame word, or all fragments of an immediate machine.
     pub frame_bits_per_pixel: u64,
 }
 
-/// Width of the sort's counts: as many entries as an index of 4 bytes tells apart.
+/// Width of the sort's counts: they index as many entries as 4 bytes can.
 pub const SORT_COUNT_BITS: u64 = 32;
 
 /// A sort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SortShape {
-    /// Passes of a radix sort: times that every entry is read and written; 0 of the other kinds.
+    /// Passes of a radix sort: times that every entry is read and written; 0 for other kinds.
     pub passes: u32,
-    /// Bits of the key that a pass looks at; 0 of the other kinds.
+    /// Bits of the key per pass; 0 for other kinds.
     pub digit_bits: u32,
-    /// Bytes of an entry: which splat, and its key.
+    /// Bytes of an entry: index of the splat, and its key.
     pub entry_bytes: u32,
-    /// What sorts lists one by one; none of a radix sort.
+    /// The sorters of single lists; none for a radix sort.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sorter: Option<SorterShape>,
 }
 
-/// Longest way through each unit, from an item to its result.
+/// Critical path of each unit, from an item to its result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Paths {
-    /// Of a splat.
+    /// From a splat.
     pub project: Path,
-    /// Of a splat.
+    /// From a splat.
     pub ellipse: Path,
-    /// Of a splat's colour, and the products that it takes, by degree of harmonics from 1 on.
+    /// From a splat to its colour, and products of it, by degree of harmonics from 1 on.
     pub colour: [Harmonics; 3],
-    /// Of a stamp.
+    /// From a stamp.
     pub raster: Path,
-    /// Of a stamp.
+    /// From a stamp.
     pub gauss: Path,
-    /// Of a stamp.
+    /// From a stamp.
     pub fragment: Path,
-    /// Of two fragments that merge, once they are shaded.
+    /// From two shaded fragments to their merged one.
     pub over: Path,
-    /// Of a fragment.
+    /// From a fragment.
     pub shade: Path,
-    /// Of a pixel.
+    /// From a pixel.
     pub resolve: Path,
-    /// Of what takes one cycle by its nature, or as the twins are built, for it waits for itself:
-    /// its name, its unit.
+    /// Feedback loops, which take one cycle by their nature or as in the RTL implementation: name,
+    /// unit, path.
     pub one_cycle: [(&'static str, &'static str, Path); 3],
 }
 
-/// What colours of one degree of harmonics ask for.
+/// Cost of colours with harmonics of one degree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Harmonics {
     /// From a splat to its colour.
     pub path: Path,
-    /// Products for each splat.
+    /// Products per splat.
     pub products: u32,
     /// Bits of its coefficients.
     pub bits: i32,
@@ -363,22 +363,22 @@ pub struct Harmonics {
 /// A FIFO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Fifo {
-    /// The unit that takes from it.
+    /// The unit that reads it.
     pub to: &'static str,
-    /// Results that it holds; none where the organisation has no such FIFO.
+    /// Results that it holds; 0 if the organisation has no such FIFO.
     pub places: u32,
     /// Bits of each.
     pub bits: u32,
 }
 
-/// Values of a digit of a list's length, which has two, where the queue takes the longest first;
-/// and bits of their counts.
+/// Values of a digit of a list's length, which has two digits, if the queue takes the longest list
+/// first; and bits of their counts.
 pub const LENGTH_VALUES: u64 = 1 << 8;
 const LENGTH_COUNT_BITS: u64 = 32;
 
-/// Units side by side where nothing or nonsense is said, which is refused elsewhere.
-fn units(said: Option<u32>) -> u32 {
-    said.unwrap_or(1).clamp(1, 64)
+/// Number of units; 1 for missing values and for values that are refused elsewhere.
+fn units(given: Option<u32>) -> u32 {
+    given.unwrap_or(1).clamp(1, 64)
 }
 
 fn lanes_of_fragment(timing: &Timing) -> u32 {
@@ -389,23 +389,24 @@ fn lanes_of_fragment(timing: &Timing) -> u32 {
         .div_ceil(units(timing.fragment.units))
 }
 
-/// Bytes of an entry of a tile's list: which splat.
+/// Bytes of an entry of a tile's list: index of the splat.
 pub const ENTRY_BYTES: u32 = 4;
-/// Bits of a tree's node beside its splat, sphere and widest σ: cone, first child, how many.
+/// Bits of a tree node besides its splat, sphere and widest σ: cone, first child, number of
+/// children.
 const NODE_BITS: i32 = 8 + 32 + 8;
-/// Bits of the digit by which a walker's list is sorted in a pass.
+/// Bits of the digit by which a pass sorts a walker's list.
 pub const WALK_DIGIT_BITS: u32 = 8;
 /// Bits of an entry of a walker's stack.
 const STACK_BITS: u64 = 32 + 8;
-/// Bits of a pixel's place among those under way.
+/// Bits of the address of a pixel in flight.
 const PIXEL_BITS: i32 = 28;
 /// Bits of an address of memory.
 const ADDRESS_BITS: i32 = 48;
-/// Bits of a cache line's tag: an address, whether it was written, when it was used.
+/// Bits of a cache line's tag: address, dirty flag, time of last use.
 const TAG_BITS: u64 = 32;
-/// The most that a field of memory may say.
+/// Greatest value of a field of memory.
 const MOST: u32 = 1 << 20;
-/// The most channels, and ranks of each.
+/// Greatest number of channels, and of ranks per channel.
 const MOST_CHANNELS: u32 = 64;
 const MOST_RANKS: u32 = 8;
 
@@ -413,7 +414,7 @@ fn bytes(bits: i32) -> u32 {
     (bits.max(0) as u32).div_ceil(8)
 }
 
-/// Bits of so many words.
+/// Bits of `words`, each with the number of its copies.
 fn bits(words: &[(i32, Word)]) -> i32 {
     words
         .iter()
@@ -422,8 +423,8 @@ fn bits(words: &[(i32, Word)]) -> i32 {
 }
 
 impl Machine {
-    /// Elaborates the microarchitecture, from the longest way through each unit; misfits are added
-    /// to those of the formats.
+    /// Elaborates the microarchitecture from the critical path of each unit. Adds its elaboration
+    /// errors to those of the formats.
     pub fn elaborate_timing(&self, e: &mut Elaboration, paths: &Paths) -> Microarchitecture {
         let memory = self.timing.memory.resolved(self.timing.clock_hz);
         let t = &Timing {
@@ -432,7 +433,7 @@ impl Machine {
         };
         check(t, e);
         check_memory(&self.timing.memory, &memory, e);
-        // Who replaces, or has one sheet open, merges no two.
+        // Fragments never merge if a pixel has one fragment or one open sheet.
         let merges = t.technology != Technology::Ideal
             && self.fragment.sheets.is_none()
             && self.fragment.merge != Merge::Replace;
@@ -448,7 +449,7 @@ impl Machine {
                 .multipliers
                 .map_or(1, |multipliers| products.div_ceil(multipliers.max(1)));
             let interval = setup.interval.unwrap_or(least).max(1);
-            // Where products take turns, a splat is as long under way as the next one waits.
+            // If products share multipliers, the latency is at least the initiation interval.
             let latency = setup
                 .latency
                 .unwrap_or_else(|| path.cycles_at(t).max(least))
@@ -481,8 +482,8 @@ impl Machine {
             check_turns(name, [of.interval, of.latency], of.multipliers, products, e);
         }
         let (p, l) = (&self.project, &self.ellipse);
-        let several = |said: Option<u32>, pace: Pace| Pace {
-            units: units(said),
+        let several = |given: Option<u32>, pace: Pace| Pace {
+            units: units(given),
             ..pace
         };
         let fragment = several(
@@ -505,7 +506,7 @@ impl Machine {
             bits(&[(3, self.splat.rgb), (1, window.density)])
         }) + 4 * 16
             + 8;
-        // An ellipsoid's axes, which only a grid's splats have in common.
+        // An ellipsoid's own axes. Only the splats of a grid share theirs.
         let axes = l.ellipsoid.map_or(0, |ellipsoid| {
             bits(&[(4, ellipsoid.quaternion), (3, ellipsoid.scale)])
         });
@@ -546,9 +547,13 @@ impl Machine {
                 }
             })
             .collect();
-        e.require(self.sort.is_none() || t.organisation == Organisation::Binned, || {
-            "timing.organisation is immediate, but a sort needs all splats first: binned would do".into()
-        });
+        e.require(
+            self.sort.is_none() || t.organisation == Organisation::Binned,
+            || {
+                "timing.organisation is immediate, but a sort needs all splats first: use binned"
+                    .into()
+            },
+        );
         let sorter = self.sorter_shape(e);
         let sort = self.sort.map(|sort| {
             let [passes, digit_bits] = if sorter.is_some() {
@@ -580,7 +585,7 @@ impl Machine {
             .saturating_mul(fragment_bytes);
         e.require(line_bytes <= MOST, || {
             format!(
-                "timing.cache.line_px {}×{} makes lines of {line_bytes} bytes: at most {MOST} can be had",
+                "timing.cache.line_px {}×{} makes lines of {line_bytes} bytes: at most {MOST} are possible",
                 t.cache.line_px[0], t.cache.line_px[1]
             )
         });
@@ -603,8 +608,8 @@ impl Machine {
         );
         let (engines, merges_in_flight) = (units(t.engines), units(t.fragment.merges_in_flight));
         let hazard = t.fragment.hazard.unwrap_or(fragment.latency).max(1);
-        // What is forwarded is compared with the pixels that come, and taken in the place of what
-        // is read, at every stage it skips.
+        // Forwarding: compare with the incoming pixels, and select instead of the read word, at
+        // every stage that forwarding skips.
         let slots = f.layers.min(64) as i32 * self.fragment_bits();
         e.per_lane(|e| {
             e.copies(fragment.latency.saturating_sub(hazard), |e| {
@@ -624,7 +629,7 @@ impl Machine {
         let [light, frame] = [self.shade.premultiplied, self.resolve.frame]
             .map(|word| 4 * i64::from(word.format.width()));
         let fragment_bits = i64::from(self.fragment_bits());
-        // Of a pixel's slots one is changed.
+        // One slot of a pixel changes.
         let lanes = i64::from(lanes_of_fragment(t));
         let held =
             widths.weighed - (widths.lanes - lanes) * widths.weighed_lane + lanes * fragment_bits;
@@ -672,7 +677,7 @@ impl Machine {
                 [widths.rastered, widths.weighed],
             ),
             Pipeline {
-                beside: in_flight.max(0) as u64,
+                merge_bits: in_flight.max(0) as u64,
                 ..Pipeline::new(
                     unit::FRAGMENT,
                     &fragment,
@@ -729,28 +734,27 @@ impl Machine {
     }
 }
 
-/// Bits of what goes from unit to unit.
+/// Bits of the words between units.
 struct Widths {
     /// A splat's record, with its harmonics.
     splat: i64,
-    /// A point with the rest of its record.
+    /// A point with the remaining fields of its record.
     point: i64,
-    /// A splat that is set up.
     prepared: i64,
     /// Harmonics beyond one colour.
     more: i64,
-    /// A stamp of radial indices, and of weights; a lane carries a depth beside that, and its
-    /// splat's attributes go with it.
+    /// A stamp of radial indices, and of weights. Each lane also carries a depth, and the stamp
+    /// carries the attributes of its splat.
     rastered: i64,
     weighed: i64,
-    /// A lane of the latter.
+    /// A lane of a stamp of weights.
     weighed_lane: i64,
     /// Lanes of a stamp.
     lanes: i64,
 }
 
 impl Machine {
-    /// Shade units: see [`Microarchitecture::shade_units`].
+    /// Number of shade units: see [`Microarchitecture::shade_units`].
     pub fn shade_units(&self) -> u32 {
         let t = &self.timing;
         let lights_setup = u32::from(self.fragment.group != Group::First);
@@ -759,12 +763,12 @@ impl Machine {
         units(t.shade.units) * (lights_setup + units(t.engines) * of_engine)
     }
 
-    /// What a merge in flight keeps of a lane: both fragments, and which pixel.
+    /// Bits of a lane in a merge in flight: both fragments, and the address of the pixel.
     fn in_flight_bits(&self) -> i32 {
         2 * self.fragment_bits() + PIXEL_BITS
     }
 
-    /// Parts of what stands between units that stand side by side. Each unit of a kind has its own.
+    /// Parts between parallel units of a kind.
     fn side_by_side(
         &self,
         e: &mut Elaboration,
@@ -776,29 +780,29 @@ impl Machine {
             [self.shade.premultiplied, self.resolve.frame].map(|word| 4 * word.format.width());
         let lane = bits(&[(1, self.gauss.weight), (1, self.fragment.depth)]);
         e.per_lane(|e| {
-            // A pixel that comes is compared with each that is merged; what becomes of that is
-            // written beside what comes.
+            // An incoming pixel is compared with each pixel in a merge. Results of merges are
+            // written through a second port.
             e.copies(in_flight - 1, |e| {
                 e.adders(unit::FRAGMENT, 1, PIXEL_BITS);
                 e.choice(unit::FRAGMENT, 2, self.in_flight_bits());
             });
-            // Lanes go to units by their pixels: a stage of a shifter for each bit of a unit's
-            // number.
+            // Lanes are routed to units by the address of their pixels: one shifter stage per bit
+            // of a unit's index.
             e.copies(fragment.units.ilog2(), |e| {
                 e.choice(unit::FRAGMENT, 2, lane)
             });
         });
-        // Fragments to those that shade them, and light back.
+        // Routes fragments to shade units, and colours back.
         e.copies(engines, |e| {
             e.choice(unit::SHADE, shade.units, fragment_bits + light)
         });
-        // Each resolve unit reads another pixel of the same tile; their words leave by one way.
+        // Each resolve unit reads another pixel of the same tile; all write through one port.
         e.choice(
             unit::RESOLVE,
             resolve.units,
             self.fragment.layers.min(64) as i32 * fragment_bits + word,
         );
-        // Engines ask, and are answered, by one way, whatever channels that leads to.
+        // Engines share one port to memory, whatever the number of channels.
         let memory = self.timing.memory.resolved(self.timing.clock_hz);
         let request = 8 * memory.bytes_per_cycle.min(MOST) as i32 + ADDRESS_BITS;
         e.choice(unit::FETCH, engines, 2 * request);
@@ -809,11 +813,11 @@ impl Machine {
         );
     }
 
-    /// The map of surroundings, and what it cannot be.
+    /// The map of surroundings. Impossible ones are refused.
     fn map_shape(&self, e: &mut Elaboration) -> Option<MapShape> {
         let cache = self.timing.environment;
         e.require(cache.is_none() || self.reflect.is_some(), || {
-            "timing.environment is the cache of a map, and the machine has no `reflect` that looks one up: it can be left out".into()
+            "timing.environment is the cache of a map, and the machine has no `reflect` that uses one: leave it out".into()
         });
         let reflect = self.reflect.as_ref()?;
         let index_bits = reflect.index_bits.clamp(1, 8);
@@ -845,7 +849,7 @@ impl Machine {
                 t.resolve.units,
             ];
             e.require(several.into_iter().all(|several| units(several) == 1), || {
-                "timing.environment, a map in memory, goes with one engine, one unit each of fragment, shade and resolve, and one merge in \
+                "timing.environment, a map in memory, requires one engine, one unit each of fragment, shade and resolve, and one merge in \
                  flight: leave it out, and each shade unit has the map on the chip"
                     .into()
             });
@@ -866,11 +870,12 @@ impl Machine {
             + 2 * exponent;
         let rest = splat - bits(&[(3, self.splat.position)]);
         let attributes = bits(&[(3, self.splat.rgb), (1, self.splat.opacity), (3, f.normal)]) + 8;
-        // What is out of range is a misfit already: here it must do no harm.
+        // Values out of range are elaboration errors already; the limits here keep elaboration
+        // safe.
         let lanes = t.raster.lanes[0].saturating_mul(t.raster.lanes[1]).min(64) as i32;
         let lane = |word: Word| bits(&[(1, word), (1, f.depth)]);
         let stamp = |word: Word| lanes * lane(word) + attributes;
-        // Coefficients wait with what they belong to until they are a colour.
+        // Coefficients are buffered with their splat until they are evaluated.
         let more = colour.map_or(0, |of| of.more_bits as i32);
         let [
             splat,
@@ -904,8 +909,8 @@ impl Machine {
         }
     }
 
-    /// Parts of what tests a node of a tree, as wide as the words of the splat and of `project`; it
-    /// divides nothing, for both sides of a comparison are multiplied by the depth.
+    /// Parts of the test of a tree node, as wide as the words of the splat and of `project`. It has
+    /// no divider: both sides of a comparison are multiplied by the depth.
     fn walker(&self, e: &mut Elaboration) {
         let width = |word: Word| word.format.width();
         let (p, splat) = (&self.project, &self.splat);
@@ -923,26 +928,26 @@ impl Machine {
         };
         // The centre in camera space.
         times(9, position, width(p.rotation));
-        // Sphere against depth: its diameter and its widest splat's reach in pixels, and the limit.
+        // Sphere against depth: its diameter and its widest splat's size in pixels, and the limit.
         times(2, radius, focal);
         times(1, pixel, camera);
-        // Two planes a side of the picture, by the centre's magnitude: s·|x|, side·z, and the
-        // sphere.
+        // Two planes per axis of the picture, by the magnitude of the centre: s·|x|, side·z, and
+        // the sphere.
         times(2, camera, focal);
         times(2, camera, pixel);
         times(2, radius, pixel);
-        // Normal and cone against the way to the eye.
+        // Normal and cone against the direction to the eye.
         times(3, normal, position);
         times(4, camera, camera);
         e.adders(unit::FETCH, 9, position + 2);
         e.adders(unit::FETCH, 8, camera + focal);
         e.adders(unit::FETCH, 6, 2 * camera);
-        // A count of the list's sort, up by one or summed up.
+        // Increments or sums counts of the list's sort.
         e.adders(unit::FETCH, 2, SORT_COUNT_BITS as i32);
     }
 
-    /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set
-    /// up, stamps.
+    /// Widths of the FIFOs: splat records, points with the rest of their record, splats after
+    /// setup, stamps.
     fn storage(
         &self,
         w: &Widths,
@@ -997,7 +1002,7 @@ impl Machine {
                 w.weighed,
             ),
         ];
-        // Lines that are on their way have a place of their own.
+        // Lines in flight have their own places.
         let kept = if immediate {
             [
                 t.cache.line_px[0],
@@ -1017,37 +1022,38 @@ impl Machine {
         } else {
             0
         };
-        // While entries go where one digit has them, the next digit is counted.
+        // Counts of the next digit are taken while entries move by the current one.
         let sort_counts = sort.map_or(0, |sort| match sort.sorter {
             None => (2 * SORT_COUNT_BITS) << sort.digit_bits,
             Some(sorter) => sorter.memory_bits(t.memory.resolved(t.clock_hz).burst_bytes),
         });
-        // Of a tile beside its fragments which pixels have stopped, if any can.
+        // One bit per pixel of a tile for pixels that have stopped, if any can.
         let pixels = kept_px
             .saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some()));
-        // What fetch has asked for, and what resolve writes, waits in whole requests.
+        // Requests of fetch and writes of resolve are buffered as whole requests.
         let requests = 16u64
             .saturating_mul(t.memory.outstanding.into())
             .saturating_mul(t.memory.burst_bytes.into());
         let requests = requests.saturating_mul(engines.into());
-        // What a channel gathers before it turns to writing.
+        // Writes that a channel gathers in a batch.
         let gathered = u64::from(t.memory.write_batch.filter(|batch| *batch > 1).unwrap_or(0))
             .saturating_mul(t.memory.channels().into());
         let requests = requests.saturating_add(
             gathered.saturating_mul(8 * u64::from(t.memory.burst_bytes) + ADDRESS_BITS as u64),
         );
-        // Both digits of the lengths of lists are counted at once.
+        // Both digits of the lengths of lists are counted at the same time.
         let length_counts = if t.queue == Queue::Longest {
             2 * LENGTH_VALUES * LENGTH_COUNT_BITS
         } else {
             0
         };
-        // Number of a first child and how many there are, for each entry; and what counts nodes by
-        // size where the largest come first: while one digit sorts, the next is counted.
+        // Each entry has the index of a first child and the number of children. If the largest
+        // nodes come first, nodes are counted by size: one digit is sorted while the next is
+        // counted.
         let stack = t.walk.map_or(0, |walk| {
             u64::from(walk.stack) * STACK_BITS + ((2 * SORT_COUNT_BITS) << WALK_DIGIT_BITS)
         });
-        // Each shade unit has a cache of the map of surroundings, if that lies in memory.
+        // Each shade unit has its own cache of the map of surroundings, if the map is in memory.
         let line_bits = map.map_or(0, |map| u64::from(map.line_bytes()) * 8 + TAG_BITS);
         let lines = t.environment.map_or(0, |cache| {
             u64::from(cache.lines) * u64::from(self.shade_units())
@@ -1069,8 +1075,7 @@ impl Machine {
     }
 }
 
-/// Refuses products that share fewer multipliers than their interval, or their latency, has turns
-/// for.
+/// Refuses an interval or a latency that is too short for the number of products per multiplier.
 fn check_turns(
     unit: &str,
     [interval, latency]: [Option<u32>; 2],
@@ -1090,7 +1095,7 @@ fn check_turns(
     }
 }
 
-/// Refuses latencies that the clock does not leave time for.
+/// Refuses latencies that are too short at this clock.
 fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Elaboration) {
     let colour = degree
         .checked_sub(1)
@@ -1107,7 +1112,7 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Ela
         ("raster.latency", t.raster.latency, Some(paths.raster)),
         ("gauss.latency", t.gauss.latency, Some(paths.gauss)),
         ("fragment.latency", t.fragment.latency, Some(paths.fragment)),
-        // What is forwarded has gone the whole way.
+        // A forwarded pixel has passed the whole path.
         ("fragment.hazard", t.fragment.hazard, Some(paths.fragment)),
         (
             "fragment.merge",
@@ -1117,12 +1122,11 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Ela
         ("shade.latency", t.shade.latency, Some(paths.shade)),
         ("resolve.latency", t.resolve.latency, Some(paths.resolve)),
     ];
-    let said = ways
+    let given_latencies = ways
         .into_iter()
         .filter_map(|(name, given, path)| Some((name, given?, path?)));
-    // The next layer waits for the transmittance behind this one, the next stamp for whether this
-    // one is merged, the next pixel for the sums of this one: no registers cut what waits for
-    // itself.
+    // Feedback loops cannot be pipelined: the next layer needs the transmittance behind this one,
+    // the next stamp the merge decision of this one, the next pixel the sums of this one.
     let slowest = paths
         .one_cycle
         .into_iter()
@@ -1130,7 +1134,8 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Ela
     if let Some((item, unit, path)) =
         slowest.filter(|(_, _, path)| path.least_cycles(t.technology, t.clock_hz) != Some(1))
     {
-        let allowed = said.filter_map(|(_, given, path)| path.highest_clock(t.technology, given));
+        let allowed =
+            given_latencies.filter_map(|(_, given, path)| path.highest_clock(t.technology, given));
         let highest = allowed
             .chain(path.highest_clock(t.technology, 1))
             .min()
@@ -1144,13 +1149,13 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Ela
         ));
         return;
     }
-    for (name, given, path) in said {
+    for (name, given, path) in given_latencies {
         let least = path
             .least_cycles(t.technology, t.clock_hz)
             .unwrap_or(u32::MAX);
         e.require(given >= least, || {
             format!(
-                "timing.{name} is {given}, but its longest way takes {}: {least} {} {at}",
+                "timing.{name} is {given}, but its critical path takes {}: {least} {} {at}",
                 fo4(path.delay),
                 if least == 1 { "cycle" } else { "cycles" }
             )
@@ -1158,7 +1163,6 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Ela
     }
 }
 
-/// A delay in a sentence.
 fn fo4(tenths: u32) -> String {
     format!("{}.{} FO4", tenths / 10, tenths % 10)
 }
@@ -1172,7 +1176,7 @@ fn hertz(clock_hz: u64) -> String {
     }
 }
 
-/// Refuses what no machine can be.
+/// Refuses values that no machine can have.
 fn check(timing: &Timing, e: &mut Elaboration) {
     let (latency, fifo) = (1..=4096, 1..=65_536);
     let colour = timing.colour.unwrap_or_default();
@@ -1273,7 +1277,7 @@ fn check(timing: &Timing, e: &mut Elaboration) {
         });
     }
     let Cache { lines, ways, .. } = timing.cache;
-    // Each look-up compares them all at once.
+    // A look-up compares all ways at once.
     e.require(ways <= 64, || {
         format!("timing.cache.ways is {ways}: at most 64 are compared in a cycle")
     });
@@ -1286,24 +1290,24 @@ fn check(timing: &Timing, e: &mut Elaboration) {
     });
     let of_fragment = units(timing.fragment.units);
     e.require(of_fragment.is_power_of_two(), || {
-        format!("timing.fragment.units is {of_fragment}: it must be a power of two, for pixels go to units by their address")
+        format!("timing.fragment.units is {of_fragment}: it must be a power of two, because the address of a pixel selects its unit")
     });
     let is_immediate = timing.organisation == Organisation::Immediate;
     e.require(!is_immediate || units(timing.engines) == 1, || {
         format!(
-            "timing.engines is {}, but an immediate machine has no tiles to share: binned would do",
+            "timing.engines is {}, but an immediate machine has no tiles to share: use binned",
             units(timing.engines)
         )
     });
     e.require(!is_immediate || timing.queue == Queue::Order, || {
-        "timing.queue is longest, but an immediate machine has no tiles: order would do".into()
+        "timing.queue is longest, but an immediate machine has no tiles: use order".into()
     });
     e.require((1..=2).contains(&buffers), || {
         format!("timing.tile.buffers is {buffers}: it can be 1 or 2")
     });
 }
 
-/// Refuses what no memory can be: as a machine gives it, and with what its preset fills.
+/// Refuses values that no memory can have: in the description, and after the preset filled it in.
 fn check_memory(given: &Memory, memory: &Memory, e: &mut Elaboration) {
     let Memory {
         burst_bytes,
@@ -1322,7 +1326,7 @@ fn check_memory(given: &Memory, memory: &Memory, e: &mut Elaboration) {
         format!("timing.memory.miss_latency is {miss_latency}: it can be {hit_latency}, the latency of an open row, to {MOST}")
     });
     let permille = memory.bytes_per_cycle_permille.unwrap_or(0);
-    e.require(permille < 1000, || format!("timing.memory.bytes_per_cycle_permille is {permille}: it can be 0 to 999, more are a byte"));
+    e.require(permille < 1000, || format!("timing.memory.bytes_per_cycle_permille is {permille}: it can be 0 to 999, because 1000 are a byte"));
     let interleave = memory.interleave_bytes();
     for (name, value, most) in [
         ("channels", memory.channels(), MOST_CHANNELS),
@@ -1359,7 +1363,7 @@ fn check_memory(given: &Memory, memory: &Memory, e: &mut Elaboration) {
         [memory.refresh_interval_cycles, memory.refresh_cycles].map(|cycles| cycles.unwrap_or(0));
     if interval > 0 {
         e.require(refresh < interval, || {
-            format!("timing.memory.refresh_cycles is {refresh}: it must be less than refresh_interval_cycles, {interval}, for memory to move anything")
+            format!("timing.memory.refresh_cycles is {refresh}: it must be less than refresh_interval_cycles, {interval}, so that memory can move data")
         });
     } else {
         e.require(given.refresh_cycles.unwrap_or(0) == 0, || {

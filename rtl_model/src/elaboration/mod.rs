@@ -1,9 +1,9 @@
-//! Elaboration: what is gathered while a description is checked: signals, parts, misfits.
+//! Elaboration: collects signals, parts and elaboration errors while a description is checked.
 //!
-//! Units declare what they do with words, and elaboration keeps what that is built of: each product
-//! is a multiplier, each sum its adders, each word a register.
+//! Units declare their arithmetic, and elaboration keeps the parts that it is built of: a
+//! multiplier per product, an adder per sum, a register per word.
 //!
-//! Laws: `what_setup_multiplies_is_what_it_declares`, `every_multiplier_is_declared`.
+//! Laws: `setup_makes_the_products_that_it_declares`, `every_multiplier_is_declared`.
 
 use crate::machine::FunctionUnit;
 pub mod latency;
@@ -14,23 +14,23 @@ pub use crate::records::{Signal, unit};
 
 use crate::num::{Exact, Fit, Format, MAX_WIDTH_BITS, Overflow, Rounding, Word};
 
-/// Operator: hardware is built of these.
+/// Operator of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operator {
     /// A product: bits of both operands, sign bits included.
     Multiplier([i32; 2]),
-    /// A sum, a difference or a comparison of so many bits.
+    /// A sum, a difference or a comparison: bits.
     Adder(i32),
-    /// What rounds a result to a word of so many bits.
+    /// Rounds a result to a word: bits of the word.
     Rounder(i32),
-    /// A choice of one of two words of so many bits.
+    /// Multiplexer of two words: bits.
     Multiplexer(i32),
-    /// A choice of one of more than two: of how many, and of how many bits.
+    /// Multiplexer of more than two words: how many, and bits of each.
     Choice([i32; 2]),
-    /// What leaves a kept word of so many bits as it is: in standard cells a choice, of an FPGA a
-    /// flip-flop's own enable.
+    /// Keeps a stored word unless enabled, bits: a multiplexer in standard cells, the clock enable
+    /// of a flip-flop in an FPGA.
     Hold(i32),
-    /// A word of so many bits that is kept for a cycle.
+    /// A word that is kept for a cycle: bits.
     Register(i32),
     /// A table: words, and bits of each.
     Rom([i32; 2]),
@@ -43,14 +43,14 @@ pub struct Part {
     pub unit: &'static str,
     /// Its operator.
     pub operator: Operator,
-    /// Number of them in a unit that takes an item a cycle.
+    /// Number of them in a unit with an initiation interval of 1.
     pub copies: u32,
-    /// Whether every lane of the rasteriser has as many.
+    /// Whether every lane of the rasteriser has its own copies.
     pub per_lane: bool,
 }
 
 impl Part {
-    /// Products that it makes in a cycle.
+    /// Products per cycle.
     pub fn products(&self) -> u32 {
         if matches!(self.operator, Operator::Multiplier(_)) {
             self.copies
@@ -60,16 +60,16 @@ impl Part {
     }
 }
 
-/// Elaboration gathers signals, multipliers, misfits.
+/// Signals, parts and elaboration errors collected so far.
 #[derive(Clone, Debug)]
 pub struct Elaboration {
     /// Every signal, in the order of the diagram.
     pub signals: Vec<Signal>,
     /// All parts.
     pub parts: Vec<Part>,
-    /// Every misfit, a sentence each.
+    /// Every elaboration error, one sentence each.
     pub misfits: Vec<String>,
-    /// How often what is declared now is built, and whether for every lane.
+    /// Copies of the parts that are being declared, and whether each lane has its own.
     copies: u32,
     per_lane: bool,
 }
@@ -116,22 +116,22 @@ impl Elaboration {
         self.saturates(unit, name, word);
     }
 
-    /// A word whose values mean nothing once they have wrapped.
+    /// Refuses words that wrap: their values mean nothing then.
     pub fn saturates(&mut self, unit: &'static str, name: &str, word: Word) {
         self.require(word.overflow == Overflow::Saturate, || {
             format!("{unit}.{name} wraps, but only the raster's registers and the fragment's sums may: let it saturate")
         });
     }
 
-    /// An exact result that is used without being fitted first: `what` names it.
+    /// Checks the width of an exact result that is used without being fitted. `what` names it.
     pub fn holds_exact(&mut self, what: &str, exact: Exact) {
         self.require(exact.bits() <= MAX_EXACT_BITS, || {
             let over = exact.bits() - MAX_EXACT_BITS;
-            format!("{what} needs {} bits, but {MAX_EXACT_BITS} can be held: {over} bits must go from its operands", exact.bits())
+            format!("{what} needs {} bits, but {MAX_EXACT_BITS} can be held: {over} bits must be removed from its operands", exact.bits())
         });
     }
 
-    /// Builds what is declared inside so many times.
+    /// Repeats the parts that `declare` adds.
     pub fn copies<T>(&mut self, copies: u32, declare: impl FnOnce(&mut Self) -> T) -> T {
         let before = self.copies;
         self.copies *= copies;
@@ -140,7 +140,7 @@ impl Elaboration {
         declared
     }
 
-    /// Builds what is declared inside once for every lane of the rasteriser.
+    /// Repeats the parts that `declare` adds for every lane of the rasteriser.
     pub fn per_lane<T>(&mut self, declare: impl FnOnce(&mut Self) -> T) -> T {
         let before = std::mem::replace(&mut self.per_lane, true);
         let declared = declare(self);
@@ -148,7 +148,7 @@ impl Elaboration {
         declared
     }
 
-    /// A part.
+    /// Adds a part.
     pub fn part(&mut self, unit: &'static str, operator: Operator) {
         let Elaboration {
             copies, per_lane, ..
@@ -175,7 +175,7 @@ impl Elaboration {
         a.exact.times(b.exact)
     }
 
-    /// An adder for every term but the first: the exact sum, or what is left after differences.
+    /// An adder per term except the first; returns the exact sum (or difference).
     pub fn sum<const N: usize>(&mut self, unit: &'static str, terms: [Exact; N]) -> Exact {
         let add = |sum: Exact, term: Exact| {
             let sum = sum.plus(term);
@@ -188,12 +188,12 @@ impl Elaboration {
         })
     }
 
-    /// Adders of so many bits.
+    /// Adds `count` adders of `bits` bits.
     pub fn adders(&mut self, unit: &'static str, count: u32, bits: i32) {
         self.copies(count, |e| e.part(unit, Operator::Adder(bits)));
     }
 
-    /// Chooses one of so many words.
+    /// Adds a multiplexer of `words` words.
     pub fn choice(&mut self, unit: &'static str, words: u32, bits: i32) {
         match words {
             0 | 1 => {}
@@ -205,31 +205,31 @@ impl Elaboration {
         }
     }
 
-    /// Keeps a word of so many bits on one side of a limit: compares, and chooses.
+    /// Limits a word on one side: a comparison and a multiplexer.
     pub fn limit(&mut self, unit: &'static str, bits: i32) {
         self.adders(unit, 1, bits);
         self.choice(unit, 2, bits);
     }
 
-    /// Shifts by any number of places, a stage of multiplexers for each bit of that number.
+    /// Shifts by any number of places: one stage of multiplexers per bit of that number.
     pub fn shifter(&mut self, unit: &'static str, bits: i32) {
         let stages = (bits.max(1) as u32).next_power_of_two().ilog2();
         self.copies(stages, |e| e.part(unit, Operator::Multiplexer(bits)));
     }
 
-    /// Shifts the leading one to the front: counts the zeros before it, which takes about as many
-    /// gates as an adder.
+    /// Shifts the leading one to the front. Counting the zeros before it takes about as many gates
+    /// as an adder.
     pub fn normaliser(&mut self, unit: &'static str, bits: i32) {
         self.part(unit, Operator::Adder(bits));
         self.shifter(unit, bits);
     }
 
-    /// The place where an exact result becomes the word called `name`.
+    /// Quantises an exact result to the word called `name`.
     pub fn fit(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
         let left = (word.format.frac_bits - from.frac_bits).max(0);
         if from.bits() > MAX_EXACT_BITS {
             self.misfits.push(format!(
-                "{unit}.{name} is made from an exact result of {} bits, but {MAX_EXACT_BITS} can be held: {} bits must go from its operands",
+                "{unit}.{name} is made from an exact result of {} bits, but {MAX_EXACT_BITS} can be held: {} bits must be removed from its operands",
                 from.bits(),
                 from.bits() - MAX_EXACT_BITS
             ));
@@ -244,9 +244,9 @@ impl Elaboration {
         self.part(unit, Operator::Register(bits));
         if word.round != Rounding::Truncate && from.frac_bits > word.format.frac_bits {
             self.part(unit, Operator::Rounder(bits));
-            // A tie looks at the word's last bit, so half of a last place is no row of a product's
-            // array: a chain of half adders along the exact result, half of an adder
-            // (docs/book/cost.md has what synthesis says).
+            // The tie test reads the LSB of the word, so half an ulp cannot be a row of the
+            // product's array. It takes a chain of half adders along the exact result: half an
+            // adder (synthesis results: docs/book/cost.md).
             if word.round == Rounding::NearestEven {
                 self.part(unit, Operator::Adder((from.bits() + 1) / 2));
             }
@@ -257,20 +257,20 @@ impl Elaboration {
         Fit::new(self.signal(unit, name, word), word, from)
     }
 
-    /// [`Elaboration::fit`] of a result that is shifted first, by any number of places: to the left
-    /// until nothing but a limit is left, to the right until nothing but a sign.
+    /// [`Elaboration::fit`] of a result that is shifted first by any number of places: to the left
+    /// until it always saturates, to the right until only the sign is left.
     pub fn fit_shifted(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
         self.shifter(unit, from.bits() + word.format.width());
         self.fit(unit, name, word, from)
     }
 
     fn signal(&mut self, unit: &'static str, name: &str, word: Word) -> usize {
-        if let Some(known) = self
+        if let Some(declared) = self
             .signals
             .iter()
             .position(|s| s.unit == unit && s.name == name)
         {
-            return known;
+            return declared;
         }
         self.signals.push(Signal {
             unit,
@@ -280,7 +280,8 @@ impl Elaboration {
         self.signals.len() - 1
     }
 
-    /// A function unit's shape, made possible if it is not, so that elaboration can go on.
+    /// The shape of a function unit, moved into the legal range if it is outside, so that
+    /// elaboration can go on.
     pub fn function_unit(
         &mut self,
         unit: &'static str,
@@ -309,7 +310,7 @@ impl Elaboration {
         }
     }
 
-    /// A number that must lie in a range.
+    /// Checks that a number is in a range, and limits it to that range.
     pub fn within(
         &mut self,
         unit: &'static str,
@@ -326,14 +327,14 @@ impl Elaboration {
         value.clamp(least, most)
     }
 
-    /// A condition that must hold, or the sentence that says what does not.
+    /// Adds an elaboration error unless the condition holds.
     pub fn require(&mut self, holds: bool, misfit: impl FnOnce() -> String) {
         if !holds {
             self.misfits.push(misfit());
         }
     }
 
-    /// A word that must represent 1.
+    /// Checks that a word can represent 1.
     pub fn holds_one(&mut self, unit: &'static str, name: &str, word: Word) {
         let format = word.format;
         self.require(format.max() >= format.one(), || {
@@ -347,7 +348,7 @@ impl Elaboration {
         });
     }
 
-    /// A word that must be unsigned (`signed` false) or signed.
+    /// Checks that a word is unsigned (`signed` false) or signed.
     pub fn signedness(&mut self, unit: &'static str, name: &str, word: Word, signed: bool) {
         self.require(word.format.signed == signed, || {
             let fits = Format {
@@ -362,7 +363,7 @@ impl Elaboration {
     }
 }
 
-/// One side of a multiplier.
+/// Operand of a multiplier.
 #[derive(Clone, Copy, Debug)]
 pub struct Operand {
     bits: i32,

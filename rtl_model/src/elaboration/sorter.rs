@@ -1,15 +1,15 @@
-//! Sorter: what sorts one tile's list at a time, where `sort.kind` is not `radix`.
+//! Sorter: sorts the list of one tile at a time, if `sort.kind` is not `radix`.
 //!
 //! ```text
 //!          ┌──────────┐ network at a time ┌─────────┐ runs ┌──────────────┐ last pass ┌──────────┐
 //! list ─►  │  loaded  │ ────────────────► │ network │ ───► │ merged ⇄ too │ ────────► │  stored  │ ─► memory
 //!          └──────────┘                   └─────────┘      └──────────────┘  1 a cycle└──────────┘
 //! ```
-//! Each box with a border is a buffer of `buffer_entries`, but the network, which has registers
-//! after each of its stages. Without merging (the network is as wide as the buffer), the two
-//! buffers in the middle are not built; without a network, runs are single entries.
+//! Each bordered box is a buffer of `buffer_entries`, except the network, which has registers after
+//! each stage. Without merging (the network is as wide as the buffer), the two buffers in the
+//! middle are not built. Without a network, runs are single entries.
 //!
-//! Laws: `what_a_sorter_has_is_priced`, `a_sorter_that_cannot_be_is_refused`.
+//! Laws: `every_part_of_a_sorter_is_counted`, `a_sorter_that_cannot_be_is_refused`.
 
 use super::latency::Path;
 use super::microarchitecture::{ENTRY_BYTES, SORT_COUNT_BITS};
@@ -19,45 +19,46 @@ use crate::machine::{Machine, SortKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Sorters of lists, nothing left out.
+/// Sorters of lists, every value given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SorterShape {
-    /// Sorters side by side.
+    /// Parallel sorters.
     pub units: u32,
-    /// Entries that one sorts at a time.
+    /// Entries that one sorter sorts at a time.
     pub buffer_entries: u32,
     /// Entries that its network sorts at a time.
     pub network: u32,
-    /// Cycles from the entries of the network to their order.
+    /// Cycles of the network.
     pub network_latency: u32,
-    /// Upper bits of the key that choose a bucket; none where lists are not distributed.
+    /// Upper bits of the key that select a bucket; none if lists are not distributed to buckets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bucket_bits: Option<u32>,
     /// Bits of the key.
     pub key_bits: u32,
 }
 
-/// Bucket bits where they are left out.
+/// Default of `bucket_bits`.
 const BUCKET_BITS: u32 = 6;
 
 impl SorterShape {
-    /// Bits of an entry: which splat, and its key.
+    /// Bits of an entry: index of the splat, and its key.
     fn entry_bits(&self) -> i32 {
         (8 * ENTRY_BYTES + self.key_bits) as i32
     }
 
-    /// Compare-exchange elements of a network: of each stage half as many as entries.
+    /// Compare-exchange elements of a network: half as many per stage as entries.
     fn exchanges(&self) -> u32 {
         self.network / 2 * self.network_latency
     }
 
-    /// Compares the heads of two runs, and takes one: the next comparison depends on it.
+    /// Critical path of a merger: it compares the heads of two runs and takes one; the next
+    /// comparison depends on it.
     pub fn merge_path(&self) -> Path {
         Path::default().sum(self.entry_bits()).choose(2)
     }
 
-    /// Bits of the buffers of all sorters; where lists are distributed, with the burst and the
-    /// count of each bucket.
+    /// Bits of the buffers of all sorters. If lists are distributed to buckets, each bucket has a
+    /// burst and a count.
     pub fn memory_bits(&self, burst_bytes: u32) -> u64 {
         let buffers = if self.network < self.buffer_entries {
             4
@@ -70,39 +71,39 @@ impl SorterShape {
         u64::from(self.units) * (buffered + buckets)
     }
 
-    /// Declares what the sorters are built of.
+    /// Declares the parts of the sorters.
     pub fn declare(&self, e: &mut Elaboration) {
         let bits = self.entry_bits();
         e.copies(self.units, |e| {
-            // Entries with equal keys stay in input order: the number of the splat is compared
-            // behind the key.
+            // The index of the splat is compared after the key, so entries with equal keys stay in
+            // input order.
             e.adders(unit::SORT, self.exchanges(), bits);
             e.copies(2 * self.exchanges(), |e| e.choice(unit::SORT, 2, bits));
             e.copies(self.network * self.network_latency, |e| {
                 e.part(unit::SORT, Operator::Register(bits))
             });
-            // The heads of two runs, and the entry that leaves.
+            // Comparison of two heads, and register of the entry that leaves.
             e.adders(unit::SORT, 1, bits);
             e.choice(unit::SORT, 2, bits);
             e.copies(3, |e| e.part(unit::SORT, Operator::Register(bits)));
-            // Places of what is loaded, of both heads, of what is stored, and of the end of each
-            // run.
+            // Addresses of the loaded entry, of both heads, of the stored entry, and of the end of
+            // each run.
             e.adders(unit::SORT, 6, SORT_COUNT_BITS as i32);
             e.copies(6, |e| {
                 e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32))
             });
-            // The count of an entry's bucket, up by one.
+            // Increments the count of a bucket.
             if self.bucket_bits.is_some() {
                 e.adders(unit::SORT, 1, SORT_COUNT_BITS as i32);
             }
         });
-        // Each takes the next list, and has its turn at memory.
+        // Connects the sorters to the lists and to memory.
         e.choice(unit::SORT, self.units, bits);
     }
 }
 
 impl Machine {
-    /// The sorters of a machine that sorts lists one by one; what none can be is refused.
+    /// The sorters of a machine that sorts lists one by one. Impossible ones are refused.
     pub fn sorter_shape(&self, e: &mut Elaboration) -> Option<SorterShape> {
         let t = &self.timing;
         let Some(sort) = self.sort.filter(|sort| sort.kind != SortKind::Radix) else {
@@ -154,7 +155,7 @@ impl Machine {
             }
             (_, None) => None,
         };
-        // What is out of range is refused already: here it must do no harm.
+        // Values out of range are refused already; the limits here keep elaboration safe.
         let buffer_entries = buffer_entries.clamp(4, 65_536).next_power_of_two();
         let network = network
             .clamp(1, 1024.min(buffer_entries))

@@ -4,7 +4,7 @@ use crate::machine::timing::Sorter;
 use crate::machine::{Machine, SortKind};
 
 #[test]
-fn what_setup_multiplies_is_what_it_declares() {
+fn setup_makes_the_products_that_it_declares() {
     for name in Machine::NAMES {
         let file = Machine::named(name).unwrap();
         let machine = file.elaborate().unwrap();
@@ -30,7 +30,7 @@ fn what_setup_multiplies_is_what_it_declares() {
     }
 }
 
-/// A wider digit saves a pass and is paid for: two counts for each of its values.
+/// A wider digit saves a pass and costs memory: two counts for each of its values.
 #[test]
 fn counts_of_digits_are_memory() {
     let bits = |digit_bits| {
@@ -64,7 +64,7 @@ fn sorting(kind: SortKind, sorter: Option<Sorter>) -> Machine {
 /// Buffers and buckets are memory, comparators are parts; each sorter has its own. Counts are
 /// worked out by hand.
 #[test]
-fn what_a_sorter_has_is_priced() {
+fn every_part_of_a_sorter_is_counted() {
     let of = |kind, units, buffer_entries, network, bucket_bits| {
         let machine = sorting(
             kind,
@@ -99,16 +99,17 @@ fn what_a_sorter_has_is_priced() {
         });
         (machine.timing.storage.memory_bits, adders, registers)
     };
-    // An entry has a number of 32 bits and a key of 24.
+    // An entry has an index of 32 bits and a key of 24.
     let entry = 56;
     let (memory, adders, registers) = of(SortKind::Tile, 1, 256, 16, None);
     let radix = sorting(SortKind::Radix, None).elaborate().unwrap();
-    // Two counts for each of 256 values of a digit are not there; four buffers are.
+    // Two counts for each of 256 values of a digit are replaced by four buffers.
     assert_eq!(
         radix.timing.storage.memory_bits - 2 * 32 * 256 + 4 * 256 * 56,
         memory
     );
-    // 4·5/2 stages of 8 comparators, the merger's, and 6 places; of the key, as before, a register.
+    // 4·5/2 stages of 8 comparators, the merger's, and 6 addresses; a register of the key, as
+    // before.
     assert_eq!(
         (adders, registers),
         (

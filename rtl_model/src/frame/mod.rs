@@ -1,7 +1,7 @@
-//! Frame: everything the machine is given for one picture, in words: constants in registers, splats
-//! in memory.
+//! Frame: all inputs of the machine for one picture, as words: constants in registers, splats in
+//! memory.
 //!
-//! The bench makes it (`quantise.rs` there is the one door from real numbers to bits); the machine
+//! The bench makes the frame (only its `quantise.rs` converts real numbers into bits); the machine
 //! only reads it.
 
 /// One splat record (formats: machine `splat`).
@@ -27,7 +27,7 @@ pub struct Splat {
 pub struct Scaled {
     /// Word of the format named where it is used.
     pub mantissa: i64,
-    /// Places to the right.
+    /// Right shift, bits.
     pub places: i64,
 }
 
@@ -53,13 +53,13 @@ pub struct View {
     pub near: i64,
     /// Greatest |a| and |b| (`project.slope`).
     pub guard: [i64; 2],
-    /// s (`project.focal`); of pixels that are not square the larger of both.
+    /// s (`project.focal`); where pixels are not square, the larger of both.
     pub focal: i64,
     /// 1/s (`ellipse.inverse_focal`).
     pub inverse_focal: Scaled,
     /// Principal point from the picture's middle (`project.pixel`).
     pub centre: [i64; 2],
-    /// What pixels that are not square add; none where they are square.
+    /// Further registers if pixels are not square.
     pub aspect: Option<Aspect>,
     /// Variance of the low-pass filter (`ellipse.low_pass`).
     pub low_pass: i64,
@@ -77,7 +77,7 @@ impl View {
         self.aspect.map_or([self.focal; 2], |aspect| aspect.focal)
     }
 
-    /// s_x², s_x·s_y and s_y² relative to s², in words of which this one is 1.
+    /// s_x², s_x·s_y and s_y² relative to s², in words in which `one` represents 1.
     pub fn squares(&self, one: i64) -> [i64; 3] {
         self.aspect.map_or([one; 3], |aspect| aspect.squares)
     }
@@ -94,14 +94,14 @@ impl View {
 pub struct Light {
     /// Towards the light (`shade.light`).
     pub direction: [i64; 3],
-    /// Half-way between light and viewer (`shade.light`); none where they are opposite.
+    /// Half-way between light and viewer (`shade.light`); none if they are opposite.
     pub half_way: Option<[i64; 3]>,
 }
 
-/// A material's answer to the lights.
+/// Reflection of light by a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Material {
-    /// The colour as it is.
+    /// The colour itself.
     Unlit,
     /// Blinn-Phong.
     BlinnPhong {
@@ -111,22 +111,22 @@ pub enum Material {
         diffuse: Vec<[i64; 3]>,
         /// Specular factor times light, for each light (`shade.reflectance`).
         specular: Vec<[i64; 3]>,
-        /// Words of x^shininess over [0, 1] (`shade.highlight`): at the steps' middles or at their
-        /// ends.
+        /// Words of x^shininess over [0, 1] (`shade.highlight`), at the middles or at the ends of
+        /// the steps.
         highlight: Vec<i64>,
     },
 }
 
-/// What a material does with its surroundings.
+/// Reflection of the surroundings by a material.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mirror {
-    /// 1 − reflect: what is left of its colour (`reflect.reflectance`).
+    /// 1 − reflect: the share of its own colour (`reflect.reflectance`).
     pub kept: i64,
     /// Reflect times tint (`reflect.reflectance`).
     pub mirrored: [i64; 3],
 }
 
-/// Surroundings, and what materials do with them.
+/// Surroundings, and how materials reflect them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Surroundings {
     /// One for each material.
@@ -141,15 +141,15 @@ pub struct Surroundings {
 pub struct Lighting {
     /// Directional lights.
     pub lights: Vec<Light>,
-    /// Never empty where there are splats.
+    /// Not empty if there are splats.
     pub materials: Vec<Material>,
 }
 
 /// Meaning of an ellipsoid's amplitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Amplitude {
-    /// That of the disc which its first two axes span (Surface Splatting §5): for kernels flattened
-    /// along the third.
+    /// That of the disc spanned by its first two axes (Surface Splatting §5), for kernels that are
+    /// flat along the third.
     #[default]
     Disc,
     /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ
@@ -157,11 +157,12 @@ pub enum Amplitude {
     LineIntegral,
     /// The opacity itself, at the peak.
     Peak,
-    /// The opacity at the peak, less what the low-pass filter widens: times √(det V_r/det V).
+    /// The opacity at the peak, reduced by the widening of the low-pass filter: times √(det V_r/det
+    /// V).
     Compensated,
 }
 
-/// Registers that all ellipsoids of a frame have in common.
+/// Registers common to all ellipsoids of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Kernel {
     /// Meaning of amplitudes.
@@ -172,10 +173,10 @@ pub struct Kernel {
     pub axes: [[i64; 3]; 3],
     /// Standard deviations along them relative to σ (`ellipse.scale`).
     pub scales: [i64; 3],
-    /// No splat of less opacity is drawn (`splat.opacity`): none of its weights would count.
+    /// Splats with less opacity are not drawn (`splat.opacity`): none of their weights would count.
     pub least_opacity: i64,
-    /// Words of the table of cutoffs by opacity, for boxes (`raster.cutoff`); none where all have
-    /// that of the view.
+    /// Words of the table of cutoffs by opacity, for boxes (`raster.cutoff`); empty if all boxes
+    /// use the cutoff of the view.
     pub reach: Vec<i64>,
 }
 
@@ -191,16 +192,16 @@ pub struct Orientation {
 /// The splats of a frame as ellipsoids.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ellipsoids {
-    /// Registers that they have in common.
+    /// Registers common to all of them.
     pub kernel: Kernel,
-    /// One for each splat; or none, and all have the kernel's axes.
+    /// One per splat, or empty if all have the kernel's axes.
     pub own: Vec<Orientation>,
-    /// Splats are lit before they are drawn, each by itself: what emits is a volume (EWA §6.1).
+    /// Splats are lit before they are drawn, each separately: a volume emits light (EWA §6.1).
     pub preshaded: bool,
-    /// Drawn in the order of their depths, as far as the sort's key tells them apart.
+    /// Splats are drawn in the order of their depths, within the resolution of the sort's key.
     pub sorted: bool,
-    /// Degree of the spherical harmonics that their colours are, in memory: their words here are
-    /// what the view makes of them. 0 where they are colours.
+    /// Degree of the spherical harmonics of the colours in memory; the frame holds their values for
+    /// this view. 0 where memory holds colours.
     pub harmonics: u8,
 }
 
@@ -219,27 +220,27 @@ pub enum Each {
 pub struct Sheets {
     /// Meaning of a sheet.
     pub each: Each,
-    /// The number of each splat's sheet, where a sheet is a slice.
+    /// The number of each splat's sheet, if a sheet is a slice.
     pub numbers: Vec<u32>,
     /// The deepest sheet comes first.
     pub back_to_front: bool,
-    /// A pixel that lets through less than this (`fragment.opacity_sum`) takes nothing more; 0
-    /// never.
+    /// A pixel with less transmittance than this (`fragment.opacity_sum`) stops: it accepts nothing
+    /// more. 0: never.
     pub stop: i64,
-    /// The sheet that makes a pixel stop is blended still.
+    /// The sheet that stops a pixel is still blended.
     pub keeps_last: bool,
-    /// Lesser weights make no fragment (`gauss.weight`).
+    /// Smaller weights make no fragment (`gauss.weight`).
     pub least_weight: i64,
-    /// Where each splat is a sheet, no weight counts for more (`gauss.weight`).
+    /// If each splat is a sheet, weights are limited to this (`gauss.weight`).
     pub most_weight: i64,
-    /// Words of the table of α/x (`fragment.ratio`); none where opacity is the weight itself.
+    /// Words of the table of α/x (`fragment.ratio`); empty if opacity is the weight itself.
     pub ratio: Vec<i64>,
 }
 
 /// Fragments are grouped by intervals or windows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Window {
-    /// A contribution joins a cluster that stays narrower than this (`fragment.depth`).
+    /// A contribution joins a cluster that remains narrower than this (`fragment.depth`).
     pub reach: i64,
     /// Words of the table of −2·ln(1 − min(α, 0.95)) by α (`fragment.window.density`).
     pub density: Vec<i64>,
@@ -247,10 +248,10 @@ pub struct Window {
     pub hidden: Vec<i64>,
 }
 
-/// One picture's work.
+/// The input of one picture.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Frame {
-    /// Pixels a row, 1 to 16384.
+    /// Pixels per row, 1 to 16384.
     pub width: u32,
     /// Rows, 1 to 16384.
     pub height: u32,
@@ -268,12 +269,12 @@ pub struct Frame {
     pub lighting: Lighting,
     /// Splats in input order.
     pub splats: Vec<Splat>,
-    /// Axes that make ellipsoids of them; none where they are discs.
+    /// Axes of ellipsoids; none if the splats are discs.
     pub ellipsoids: Option<Ellipsoids>,
-    /// Grouping of fragments by sheets; none: by depth.
+    /// Grouping of fragments by sheets; none if by depth.
     pub sheets: Option<Sheets>,
-    /// Registers of windows; none where fragments are grouped otherwise.
+    /// Registers of windows; none if fragments are grouped otherwise.
     pub window: Option<Window>,
-    /// Surroundings that are mirrored; none where nothing is.
+    /// Surroundings to reflect, if any.
     pub surroundings: Option<Surroundings>,
 }

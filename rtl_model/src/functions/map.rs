@@ -1,15 +1,14 @@
-//! Map: colours over a square, read from a table of 2^k × 2^k texels, with straight lines between
-//! them.
+//! Map: colours over a square, bilinearly interpolated from a table of 2^k × 2^k texels.
 //!
-//! The table lies on the chip, or in memory behind a cache of its lines.
+//! The table is on the chip, or in memory behind a cache of its lines.
 //!
 //! ```text
-//! u, v ─►(× 2^k − 1)─►[ index | fraction ]─► four texels ─►(lines along u)─► two ─►(a line along v)─► light
+//! u, v ─►(× 2^k − 1)─►[ index | fraction ]─► four texels ─►(interpolate along u)─► two ─►(interpolate along v)─► light
 //! ```
-//! The first and the last texel of a row lie on the square's sides, so that nothing wraps: 2^k
-//! texels are 2^k − 1 steps.
+//! The first and the last texel of a row are on the edges of the square, so addresses do not wrap:
+//! 2^k texels are 2^k − 1 steps.
 //!
-//! Losses: `fraction` is rounded; each line's result is rounded to the texels' own word.
+//! Losses: `fraction` is rounded; each interpolation is rounded to the word of the texels.
 //!
 //! Laws: `corners_are_texels`, `light_lies_among_its_texels`.
 
@@ -22,7 +21,7 @@ use crate::probe::{NoProbe, Probe, Tap};
 #[derive(Clone, Debug)]
 pub struct Map {
     index_bits: u32,
-    /// Fraction bits of a place on the square.
+    /// Fraction bits of a coordinate on the square.
     place_bits: u32,
     fraction: Fit,
     light: Fit,
@@ -30,25 +29,25 @@ pub struct Map {
     one: i64,
 }
 
-/// Bits of a line's tag: which line, and when it was used.
+/// Bits of a line's tag: address, and time of last use.
 const TAG_BITS: i32 = 32;
 
 /// Words of a map.
 #[derive(Clone, Copy, Debug)]
 pub struct Words {
-    /// 2^this texels a side.
+    /// Side of the map: 2^this texels.
     pub index_bits: u32,
-    /// Fraction bits of a place from 0 to 1.
+    /// Fraction bits of a coordinate from 0 to 1.
     pub place_bits: i32,
-    /// Between two texels.
+    /// Position between two texels.
     pub fraction: Word,
     /// A texel.
     pub light: Word,
-    /// Lines of a set, where a cache has the texels; none where a table has them all.
+    /// Lines per set, if a cache holds the texels; none if a table holds all of them.
     pub cached: Option<u32>,
 }
 
-/// Longest way from a place to its light.
+/// Critical path from a coordinate to its light.
 pub fn path(words: &Words) -> Path {
     let [fraction, light] = [words.fraction, words.light].map(|word| word.format.width());
     let line = Path::default()
@@ -62,7 +61,7 @@ pub fn path(words: &Words) -> Path {
         .fit(fraction);
     let read = match words.cached {
         None => placed.table(2 * index_bits),
-        // Tags, then the line of the set that has it.
+        // Tags, then a multiplexer over the set.
         Some(ways) => placed
             .memory()
             .sum(2 * index_bits)
@@ -72,7 +71,7 @@ pub fn path(words: &Words) -> Path {
 }
 
 impl Map {
-    /// Elaborates a unit's map, whose fraction and texels are that unit's words `fraction` and
+    /// Elaborates a unit's map. Its fraction and texels are the unit's words `fraction` and
     /// `light`.
     pub fn new(e: &mut Elaboration, unit: &'static str, words: Words) -> Self {
         let Words {
@@ -83,15 +82,15 @@ impl Map {
             cached,
         } = words;
         let place_bits = place_bits.clamp(0, 40) as u32;
-        // u·2^k − u, of each axis.
+        // u·2^k − u, per axis.
         e.adders(unit, 2, place_bits as i32 + index_bits as i32);
-        // The last step has the last texel too.
+        // The last step includes the last texel.
         e.copies(2, |e| e.limit(unit, index_bits as i32));
-        // Four texels at a time, of which each lies in a table of its own: even and odd columns and
+        // Four texels are read in parallel, one from each of four tables: even and odd columns and
         // rows.
         let texels = 1 << (2 * index_bits - 2);
-        // A cache's lines are storage: of those what is read counts here, and the tags that are
-        // compared.
+        // The lines of a cache are counted as storage; only read multiplexers and tag comparators
+        // are counted here.
         let kept = if cached.is_some() { 0 } else { texels };
         e.copies(4, |e| {
             e.part(unit, Operator::Rom([kept, 3 * light.format.width()]))
@@ -104,8 +103,8 @@ impl Map {
             });
         }
         e.copies(2, |e| e.choice(unit, 4, 3 * light.format.width()));
-        // Two lines along u and one along v, of three channels: a difference times a fraction, and
-        // what it begins with.
+        // Two interpolations along u and one along v, for three channels: a difference times a
+        // fraction, plus the start.
         let line = e.copies(9, |e| {
             e.part(unit, Operator::Adder(light.format.width() + 1));
             let step = Format {
@@ -134,12 +133,12 @@ impl Map {
         }
     }
 
-    /// Texels a side.
+    /// Side of the map, texels.
     pub fn side(&self) -> usize {
         1 << self.index_bits
     }
 
-    /// The step that a place lies in, and how far.
+    /// The step that contains a coordinate, and the fraction within it.
     fn step<P: Probe>(&self, place: i64, tap: &mut Tap<P>) -> (usize, i64) {
         let steps = (1 << self.index_bits) - 1;
         let exact = place * steps;
@@ -150,12 +149,12 @@ impl Map {
         (index as usize, fraction)
     }
 
-    /// Column and row of the first of the four texels that a place lies between.
+    /// Column and row of the first of the four texels around a point.
     pub fn texel(&self, place: [i64; 2]) -> [usize; 2] {
         place.map(|place| self.step(place, &mut Tap::new(&mut NoProbe)).0)
     }
 
-    /// A line from one texel to another.
+    /// Interpolates between two texels.
     fn line<P: Probe>(
         &self,
         from: [i64; 3],
@@ -169,8 +168,8 @@ impl Map {
         )
     }
 
-    /// Light at a place, each coordinate from 0 to 1 with the elaborated fraction bits, among
-    /// texels that lie row by row.
+    /// Light at a point, whose coordinates go from 0 to 1 with the elaborated fraction bits.
+    /// `texels` are row by row.
     pub fn light<P: Probe>(
         &self,
         texels: &[[i64; 3]],

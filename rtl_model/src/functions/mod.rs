@@ -1,4 +1,4 @@
-//! Functions: units that several blocks have, each built of a table: reciprocal, square root, any
+//! Functions: units built from tables that several other units use: reciprocal, square root, any
 //! function of one argument, colours over a square.
 
 pub mod map;

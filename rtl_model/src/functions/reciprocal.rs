@@ -4,7 +4,7 @@
 //! x ─►[<< lz]─► mantissa m ∈ [1,2) ─┬─►[table]─► y₀ ─►┌ c = 2 − m·y ┐×steps ─► y ∈ [½,1]
 //!       └─► exponent e              └────────────────►└ y = y·c     ┘          1/x = y · 2^−e
 //! ```
-//! Losses: `mantissa` is cut (its rounding up could leave [1,2)); `correction` and `result` are
+//! Losses: `mantissa` is truncated (rounding up could leave [1,2)); `correction` and `result` are
 //! rounded to nearest.
 //!
 //! Laws: `a_reciprocal_is_within_its_bound`, `normalisation_restores_the_operand`.
@@ -15,7 +15,7 @@ use crate::machine::FunctionUnit;
 use crate::num::{Exact, Exacts, Fit, Format, Rounding, Word, Words};
 use crate::probe::{Probe, Tap};
 
-/// Fraction bits of an operand shifted left until its leading one stands at bit 61.
+/// Fraction bits of an operand that is shifted left until its leading one is at bit 61.
 pub const NORMALISED_FRAC_BITS: i32 = 61;
 
 /// A normalised positive operand or result of eight items: `value = mantissa · 2^exponent`.
@@ -27,10 +27,10 @@ pub struct Scientific<L> {
     pub exponent: L,
 }
 
-/// Longest way from an operand of so many bits: normalise, look up, and two products and a sum for
-/// each Newton step.
+/// Critical path from an operand of `operand_bits` bits: normalise, look up, and two products and a
+/// sum per Newton step.
 pub fn path(unit: FunctionUnit, operand_bits: i32) -> Path {
-    // A misfit already where it is more.
+    // More bits are an elaboration error already.
     let bits = unit.bits.min(64) as i32;
     let step = Path::default()
         .product(bits, bits)
@@ -104,8 +104,8 @@ impl Reciprocal {
         }
     }
 
-    /// 1/x of eight positive words: mantissa in [½, 1], by its own error less, with `bits` fraction
-    /// bits, and the power of two it is times.
+    /// 1/x of eight positive words: mantissa with `bits` fraction bits, and its power of two. The
+    /// mantissa is at most 1, and at least ½ less its own error.
     #[inline(always)]
     pub fn lanes<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> Scientific<X::Words> {
         let lead = x.leading_zeros() - X::Words::splat(2);
@@ -123,7 +123,7 @@ impl Reciprocal {
         }
     }
 
-    /// Its shape.
+    /// The shape of the unit.
     pub fn shape(&self) -> FunctionUnit {
         FunctionUnit {
             table_bits: self.table_bits,
@@ -132,8 +132,8 @@ impl Reciprocal {
         }
     }
 
-    /// Its ROM: a first guess, with `bits` fraction bits, for each of 2^`table_bits` steps of [1,
-    /// 2).
+    /// The ROM: an initial estimate with `bits` fraction bits for each of 2^`table_bits` steps of
+    /// [1, 2).
     pub fn guesses(&self) -> Vec<i64> {
         self.table.iter().map(|&guess| guess.into()).collect()
     }
@@ -160,8 +160,8 @@ impl Reciprocal {
     }
 }
 
-/// First guesses: the reciprocal at the middle of each of 2^`table_bits` steps of [1, 2), rounded
-/// to nearest.
+/// Initial estimates: the reciprocal at the middle of each of 2^`table_bits` steps of [1, 2),
+/// rounded to nearest.
 fn table(config: FunctionUnit) -> Vec<i32> {
     let steps = 1u128 << config.table_bits;
     (0..steps)

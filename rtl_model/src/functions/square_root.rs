@@ -5,7 +5,7 @@
 //!       └─► exponent 2e                  │                 │ c = 3 − m·q   │          1/√x = y · 2^−e
 //!                                        └────────────────►└ y = ½·y·c     ┘          √x = m·y · 2^e
 //! ```
-//! Losses: `mantissa` is cut (its rounding up could leave [1,4)); `square`, `correction` and
+//! Losses: `mantissa` is truncated (rounding up could leave [1,4)); `square`, `correction` and
 //! `result` are rounded to nearest.
 //!
 //! Law: `a_reciprocal_root_is_within_its_bound`.
@@ -17,10 +17,10 @@ use crate::machine::FunctionUnit;
 use crate::num::{Exact, Exacts, Fit, Format, Rounding, Word, Words};
 use crate::probe::{Probe, Tap};
 
-/// Longest way from an operand of so many bits: that of a [reciprocal](super::reciprocal::path)
-/// with the square of the guess before each step.
+/// Critical path from an operand of `operand_bits` bits: that of a
+/// [reciprocal](super::reciprocal::path) with the square of the estimate before each step.
 pub fn path(unit: FunctionUnit, operand_bits: i32) -> Path {
-    // A misfit already where it is more.
+    // More bits are an elaboration error already.
     let bits = unit.bits.min(64) as i32;
     let step = Path::default()
         .product(bits, bits)
@@ -98,15 +98,15 @@ impl ReciprocalRoot {
         }
     }
 
-    /// 1/√x of eight positive words: mantissa in [½, 1] with `bits` fraction bits, and the power of
-    /// two it is times.
+    /// 1/√x of eight positive words: mantissa in [½, 1] with `bits` fraction bits, and its power of
+    /// two.
     #[inline(always)]
     pub fn lanes<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> Scientific<X::Words> {
         self.with_operand(x, tap).1
     }
 
-    /// √x of eight positive words: an exact product with `2·bits − 1` fraction bits, and the power
-    /// of two that it is times.
+    /// √x of eight positive words: an exact product with `2·bits − 1` fraction bits, and its power
+    /// of two.
     #[inline(always)]
     pub fn root_lanes<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> (X, X::Words) {
         let (m, y) = self.with_operand(x, tap);
@@ -149,7 +149,7 @@ impl ReciprocalRoot {
         )
     }
 
-    /// Its shape.
+    /// The shape of the unit.
     pub fn shape(&self) -> FunctionUnit {
         FunctionUnit {
             table_bits: self.table_bits,
@@ -158,8 +158,8 @@ impl ReciprocalRoot {
         }
     }
 
-    /// Its ROM: a first guess, with `bits` fraction bits, for each of 2^`table_bits` steps of [0,
-    /// 4), of which those under 1 are never asked for.
+    /// The ROM: an initial estimate with `bits` fraction bits for each of 2^`table_bits` steps of
+    /// [0, 4). Those below 1 are never read.
     pub fn guesses(&self) -> Vec<i64> {
         self.table.iter().map(|&guess| guess.into()).collect()
     }
@@ -186,7 +186,7 @@ impl ReciprocalRoot {
         (m * y, -exponent)
     }
 
-    /// Places to shift so that the value is 2^(even) times [1, 4), read with one fraction bit less
+    /// Left shift that brings the value to 2^(even) times [1, 4), read with one fraction bit less
     /// than the reciprocal's.
     #[inline(always)]
     fn lead(&self, x: i64) -> i64 {
@@ -194,7 +194,7 @@ impl ReciprocalRoot {
         lead - ((lead + self.operand_frac_bits + i64::from(NORMALISED_FRAC_BITS - 1)) & 1)
     }
 
-    /// Half the power of two, of the inverse, that `lead` places stand for.
+    /// Half of the power of two of the inverse, for a left shift of `lead`.
     #[inline(always)]
     fn exponent(&self, lead: i64) -> i64 {
         (lead + self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS - 1)) >> 1
@@ -206,14 +206,14 @@ impl ReciprocalRoot {
     }
 }
 
-/// First guesses: the reciprocal root at the middle of each of 2^`table_bits` steps of [0, 4);
-/// those under 1 are never asked for.
+/// Initial estimates: the reciprocal root at the middle of each of 2^`table_bits` steps of [0, 4).
+/// Those below 1 are never read.
 fn table(config: FunctionUnit) -> Vec<i32> {
     let one = 1i64 << config.bits;
     (0..1u128 << config.table_bits)
         .map(|i| {
-            // y = 1/√((2i + 1)·2 / 2^table_bits), as √(2^n / (2i + 1)) with two spare bits to round
-            // by.
+            // y = 1/√((2i + 1)·2 / 2^table_bits), as √(2^n / (2i + 1)) with two guard bits for
+            // rounding.
             let n = 2 * config.bits + 4 + config.table_bits - 1;
             let guess = ((1u128 << n) / (2 * i + 1)).isqrt() as i64;
             ((guess + 2) >> 2).min(one) as i32

@@ -1,14 +1,14 @@
-//! Table: a function of one argument, read from a ROM of 2^k steps, nearest or with straight lines
-//! between.
+//! Table: a function of one argument, read from a ROM of 2^k steps, to the nearest entry or
+//! linearly interpolated.
 //!
 //! ```text
 //! argument = [ address | fraction ]        nearest:  word = ROM[address]                         (value at the step's middle)
 //!                                          linear:   word = ROM[address] + Δ[address] · fraction (values at the step's ends)
 //! ```
-//! Losses: the ROM's words are rounded to nearest when it is made; with straight lines the sum is
-//! fitted into the same format.
+//! Losses: the words of the ROM are rounded to nearest when it is made; an interpolated sum is
+//! fitted to the same format.
 //!
-//! Laws: `a_table_is_within_its_bound`, `the_exponential_table_is_right_to_the_last_place`.
+//! Laws: `a_table_is_within_its_bound`, `the_exponential_table_is_right_within_half_an_ulp`.
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
@@ -21,9 +21,9 @@ pub struct Table {
     fit: Fit,
     interpolation: Interpolation,
     fraction_bits: u32,
-    /// At each address the value, and the step to the next one, 0 where nearest.
+    /// At each address the value and the step to the next value (0 for nearest).
     words: Box<[[i64; 2]]>,
-    /// The same, in words of at most 32 bits.
+    /// The same as `words`, in 32 bits.
     short: Box<[[i32; 2]]>,
 }
 
@@ -63,7 +63,7 @@ impl Table {
         argument_bits.saturating_sub(index_bits)
     }
 
-    /// The exact sum that [`Table::fit`] makes a word of.
+    /// The exact sum before [`Table::fit`].
     #[inline(always)]
     pub fn exact(&self, argument: i64) -> i64 {
         let address = address(argument, self.fraction_bits);
@@ -90,7 +90,7 @@ impl Table {
         value.exact().left(self.fraction_bits) + delta * fraction
     }
 
-    /// Whether words of 32 bits hold all of [`Table::natural`].
+    /// Whether words of 32 bits hold every value of [`Table::natural`].
     pub fn is_short(&self) -> bool {
         let held = |[value, step]: &[i64; 2]| {
             let product =
@@ -103,8 +103,8 @@ impl Table {
             && self.words.iter().all(held)
     }
 
-    /// The same table with its constants on all lanes, where [`Table::is_short`] holds and the word
-    /// is known to reach all results.
+    /// The same table with its constants on all lanes. Requires [`Table::is_short`] and a word that
+    /// represents every result.
     #[inline(always)]
     pub fn natural<W: Words>(&self) -> Natural<'_, W> {
         Natural {
@@ -115,12 +115,12 @@ impl Table {
         }
     }
 
-    /// Interpolation between two words.
+    /// Interpolation between two entries.
     pub fn interpolation(&self) -> Interpolation {
         self.interpolation
     }
 
-    /// Its ROM: the value at each address and the step to the next value, 0 where nearest.
+    /// The ROM: the value at each address and the step to the next value (0 for nearest).
     pub fn lines(&self) -> impl Iterator<Item = (i64, i64)> {
         self.words.iter().map(|&[value, delta]| (value, delta))
     }
@@ -137,7 +137,7 @@ impl Table {
 pub struct Natural<'a, W> {
     words: &'a [[i32; 2]],
     fraction_bits: u32,
-    /// Ones where an argument has its fraction.
+    /// Mask of the fraction bits of an argument.
     fraction: W,
     half: W,
 }
@@ -147,12 +147,12 @@ impl<W: Words> Natural<'_, W> {
     #[inline(always)]
     pub fn words(&self, argument: W) -> W {
         let [value, step] = argument.right(self.fraction_bits).look_up_pairs(self.words);
-        // What is cut below the word's places comes of the step alone.
+        // Only the step has bits below those of the word.
         value + (step.times(argument & self.fraction) + self.half).right(self.fraction_bits)
     }
 }
 
-/// The step that an argument lies in.
+/// The step that contains an argument.
 #[inline(always)]
 pub fn address(argument: i64, fraction_bits: u32) -> usize {
     (argument >> fraction_bits) as usize
@@ -161,10 +161,10 @@ pub fn address(argument: i64, fraction_bits: u32) -> usize {
 /// Fraction bits of [`exp_minus`].
 pub const EXP_FRAC_BITS: u32 = 60;
 
-/// `e^(−numerator / 2^shift)` with [`EXP_FRAC_BITS`] fraction bits, for arguments up to 32, in
-/// integers so that every machine makes the same ROM.
+/// `e^(−numerator / 2^shift)` with [`EXP_FRAC_BITS`] fraction bits, for arguments up to 32. It uses
+/// integers, so every computer makes the same ROM.
 ///
-/// The series of `e^(+x)` has no cancellation; its reciprocal is right to about 2⁻⁵⁵.
+/// The series of `e^(+x)` has no cancellation; its reciprocal is accurate to about 2⁻⁵⁵.
 pub fn exp_minus(numerator: u64, shift: u32) -> u64 {
     let mut sum = 1u128 << EXP_FRAC_BITS;
     let mut term = sum;
@@ -179,8 +179,8 @@ pub fn exp_minus(numerator: u64, shift: u32) -> u64 {
     (one_squared / sum) as u64
 }
 
-/// The words of `e^(−r/2)` over r in [0, 2^`range_bits`), for [`Table::new`]; `frac_bits` of each
-/// word.
+/// The words of `e^(−r/2)` over r in [0, 2^`range_bits`), for [`Table::new`], with `frac_bits`
+/// fraction bits.
 pub fn gaussian_words(
     index_bits: u32,
     range_bits: i32,
@@ -207,7 +207,8 @@ pub fn gaussian_words(
         .collect()
 }
 
-/// A table's shape, made possible if it is not, so that elaboration can go on.
+/// The shape of a table, moved into the legal range if it is outside, so that elaboration can go
+/// on.
 pub fn shape(
     e: &mut Elaboration,
     unit: &'static str,
@@ -228,8 +229,7 @@ pub fn shape(
     }
 }
 
-/// The multiplier between a table's words, where there is one: a step, which stands beside each
-/// word, times a fraction.
+/// The multiplier of an interpolating table: the step stored with each word, times a fraction.
 pub fn interpolator(
     e: &mut Elaboration,
     unit: &'static str,
@@ -247,8 +247,8 @@ pub fn interpolator(
     }
 }
 
-/// Longest way from an argument to a word of so many bits: look up, and a product and a sum where
-/// there are straight lines between the words.
+/// Critical path from an argument to a word of `word_bits` bits: look up, and a product and a sum
+/// if the table interpolates.
 pub fn path(shape: TableShape, word_bits: i32) -> Path {
     let found = Path::default().table(shape.index_bits.min(64) as i32);
     match shape.interpolation {

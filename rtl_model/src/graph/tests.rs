@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::elaboration::Elaboration;
-use crate::kernels::host::{Host, Plainly, Vectorised};
+use crate::kernels::host::{Host, Unvectorised, Vectorised};
 use crate::machine::FunctionUnit;
 use crate::num::{Format, LANES, Overflow, Rounding, Word};
 use crate::probe::{NoProbe, Ranges};
@@ -192,11 +192,11 @@ proptest! {
         let signals = 200;
         let mut seen = Ranges::new(signals);
         let expected: Vec<[i64; 2]> = items.iter().map(|inputs| graph.one(inputs, &mut Tap::new(&mut seen))).collect();
-        prop_assert_eq!(&run(Plainly, &graph, &items, &mut NoProbe), &expected);
+        prop_assert_eq!(&run(Unvectorised, &graph, &items, &mut NoProbe), &expected);
         let mut by_batch = Ranges::new(signals);
-        prop_assert_eq!(&run(Plainly, &graph, &items, &mut by_batch), &expected);
+        prop_assert_eq!(&run(Unvectorised, &graph, &items, &mut by_batch), &expected);
         prop_assert_eq!(format!("{by_batch:?}"), format!("{seen:?}"));
-        if let Some(host) = Vectorised::there() {
+        if let Some(host) = Vectorised::detect() {
             prop_assert_eq!(&run(host, &graph, &items, &mut NoProbe), &expected);
         }
     }

@@ -1,41 +1,41 @@
-//! Host: how the simulator uses the computer that it runs on. Nothing here is hardware, and nothing
-//! here changes a bit.
+//! Host: how the simulator uses the host computer. This module is not hardware, and does not change
+//! a bit of any result.
 //!
-//! The only `unsafe` of the crate: vector instructions, after asking whether they are there. It
-//! buys speed alone (`cargo bench`), and is held to plain lanes and words, operation by operation
-//! and frame by frame, by `vector_lanes_equal_plain_lanes`, `vector_words_equal_plain_words` and
+//! The only `unsafe` code of the crate: vector instructions, after detection. They only gain speed
+//! (`cargo bench`), and are checked against plain lanes and words, operation by operation and frame
+//! by frame, by `vector_lanes_equal_plain_lanes`, `vector_words_equal_plain_words` and
 //! `every_machine_that_elaborates_draws_every_frame`.
 #![allow(unsafe_code, reason = "see above; everywhere else it is denied")]
 
 use crate::num::lanes::Plain;
 use crate::num::{LANES, Lanes};
 
-/// A kernel: work that gains from vector instructions. `run` must be `#[inline(always)]` all the
-/// way down to be compiled for them.
+/// A kernel: work that gains from vector instructions. To be compiled for them, `run` and
+/// everything it calls must be `#[inline(always)]`.
 pub trait Kernel {
-    /// Result.
+    /// Result of the work.
     type Output;
-    /// Does it, with lanes of the given kind.
+    /// Does the work, with this kind of lanes.
     fn run<L: Lanes>(self) -> Self::Output;
 }
 
-/// Host on which work is run.
+/// A way to run kernels.
 pub trait Host: Copy + Send + Sync {
-    /// Whether eight lanes take less than eight times one.
+    /// Whether eight lanes take less time than eight single items.
     const VECTORISED: bool;
-    /// Runs it.
+    /// Runs a kernel.
     fn run<K: Kernel>(self, kernel: K) -> K::Output;
 }
 
-/// With vector instructions: a value of it is made only where the host has them.
+/// With vector instructions. Values exist only if the host has them.
 #[derive(Clone, Copy, Debug)]
 pub struct Vectorised(());
 
 impl Vectorised {
-    /// If the host has them.
-    pub fn there() -> Option<Self> {
+    /// A value if the host has the instructions.
+    pub fn detect() -> Option<Self> {
         #[cfg(target_arch = "x86_64")]
-        return avx2::is_there().then_some(Vectorised(()));
+        return avx2::detected().then_some(Vectorised(()));
         #[cfg(not(target_arch = "x86_64"))]
         None
     }
@@ -49,32 +49,32 @@ impl Host for Vectorised {
         // SAFETY: the features were detected when this was made.
         return unsafe { avx2::run(kernel) };
         #[cfg(not(target_arch = "x86_64"))]
-        plainly(kernel)
+        unvectorised(kernel)
     }
 }
 
-/// Without.
+/// Without vector instructions.
 #[derive(Clone, Copy, Debug)]
-pub struct Plainly;
+pub struct Unvectorised;
 
-impl Host for Plainly {
+impl Host for Unvectorised {
     const VECTORISED: bool = false;
 
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        plainly(kernel)
+        unvectorised(kernel)
     }
 }
 
-/// Runs work with vector instructions where the host has them.
+/// Runs a kernel with vector instructions if the host has them.
 pub fn vectorised<K: Kernel>(kernel: K) -> K::Output {
-    match Vectorised::there() {
+    match Vectorised::detect() {
         Some(host) => host.run(kernel),
-        None => plainly(kernel),
+        None => unvectorised(kernel),
     }
 }
 
-/// Runs work without vector instructions.
-pub fn plainly<K: Kernel>(kernel: K) -> K::Output {
+/// Runs a kernel without vector instructions.
+pub fn unvectorised<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Plain>()
 }
 
@@ -87,7 +87,7 @@ pub mod avx2 {
     use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
     /// Whether the host has every instruction that this module uses.
-    pub fn is_there() -> bool {
+    pub fn detected() -> bool {
         is_x86_feature_detected!("avx2")
             && is_x86_feature_detected!("bmi1")
             && is_x86_feature_detected!("bmi2")
@@ -95,24 +95,23 @@ pub mod avx2 {
             && is_x86_feature_detected!("popcnt")
     }
 
-    /// Runs work on [`Vectors`].
+    /// Runs a kernel on [`Vectors`].
     ///
     /// # Safety
-    /// [`is_there`] must hold.
+    /// The host must have the instructions: [`detected`].
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
     pub unsafe fn run<K: Kernel>(kernel: K) -> K::Output {
         kernel.run::<Vectors>()
     }
 
-    /// Eight lanes. Made only inside [`run`], so that the host is known to have the instructions
-    /// below.
+    /// Eight lanes. Values exist only inside [`run`], so the host has the instructions below.
     #[derive(Clone, Copy, Debug)]
     pub struct Vectors([__m256i; 2]);
 
     /// The same instruction on both registers.
     ///
-    /// SAFETY: a value of [`Vectors`] exists only inside [`run`], whose caller vouched for the
-    /// instructions.
+    /// SAFETY: values of [`Vectors`] exist only inside [`run`], whose caller ensures that the host
+    /// has the instructions.
     macro_rules! both {
         ($i:ident => $instruction:expr) => {
             Vectors(unsafe {
@@ -153,7 +152,7 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn transposed(items: &[[i32; LANES]; LANES]) -> [Self; LANES] {
-            // Each of four items' word n beside their word n + 4, for n from 0 to 3.
+            // Word n of four items, each followed by their word n + 4, for n from 0 to 3.
             macro_rules! four {
                 ($first:expr) => {{
                     let (a, b) = (eight!(items[$first]), eight!(items[$first + 1]));
@@ -222,8 +221,8 @@ pub mod avx2 {
         fn left(self, by: u32) -> Self {
             both!(i => _mm256_sll_epi64(self.0[i], _mm_cvtsi32_si128(by as i32)))
         }
-        // AVX2 shifts 64-bit lanes right without their sign only: adding 2^63 moves the sign out of
-        // the way.
+        // AVX2 has only unsigned right shifts of 64-bit lanes; adding 2^63 makes the lanes
+        // unsigned.
         #[inline(always)]
         fn right(self, by: u32) -> Self {
             let moved = Self::splat((SIGN as u64 >> by) as i64);
@@ -279,10 +278,10 @@ pub mod avx2 {
             two!(word => both!(i => _mm256_i64gather_epi64::<8>(words.add(word), even.0[i])))
         }
         #[inline(always)]
-        fn soon<T>(item: &T) {
+        fn prefetch<T>(item: &T) {
             let first = std::ptr::from_ref(item).cast::<i8>();
             for line in (0..size_of::<T>()).step_by(64) {
-                // SAFETY: a line of the item; whatever is there, nothing comes of it.
+                // SAFETY: a line of the item; a prefetch has no effect on values.
                 unsafe { _mm_prefetch::<_MM_HINT_T0>(first.add(line)) };
             }
         }
@@ -341,7 +340,7 @@ pub mod avx2 {
         }
     }
 
-    /// How far eight words are from another; 2^31 is right without a sign.
+    /// Distances of eight words from another word; 2^31 is correct as an unsigned number.
     #[inline]
     #[target_feature(enable = "avx2")]
     fn distance(words: __m256i, word: i32) -> __m256i {
@@ -397,19 +396,19 @@ pub mod avx2 {
         }
     }
 
-    /// Eight words in one register. Made only inside [`run`], as [`Vectors`].
+    /// Eight words in one register. Values exist only inside [`run`], as those of [`Vectors`].
     #[derive(Clone, Copy, Debug)]
     pub struct VectorWords(__m256i);
 
-    /// Eight exact results: even lanes in the first register, odd lanes in the second, for that is
-    /// how words of 32 bits multiply.
+    /// Eight exact results: even lanes in the first register, odd lanes in the second, as the
+    /// products of 32-bit words are.
     #[derive(Clone, Copy, Debug)]
     pub struct VectorExacts([__m256i; 2]);
 
     /// One instruction on a register of words.
     ///
-    /// SAFETY: a value of [`VectorWords`] exists only inside [`run`], whose caller vouched for the
-    /// instructions.
+    /// SAFETY: values of [`VectorWords`] exist only inside [`run`], whose caller ensures that the
+    /// host has the instructions.
     macro_rules! word {
         ($instruction:expr) => {
             VectorWords(unsafe { $instruction })
@@ -426,13 +425,13 @@ pub mod avx2 {
     }
 
     impl VectorWords {
-        /// Odd lanes where even ones were.
+        /// Odd lanes moved to the even ones.
         #[inline(always)]
         fn odd(self) -> Self {
             word!(_mm256_shuffle_epi32::<0b11_11_01_01>(self.0))
         }
 
-        /// Even and odd words with zeros before them.
+        /// Even and odd words, extended with zeros.
         #[inline(always)]
         fn natural(self) -> [__m256i; 2] {
             // SAFETY: as `word`.
@@ -527,7 +526,7 @@ pub mod avx2 {
         fn look_up_pairs(self, table: &[[i32; 2]]) -> [Self; 2] {
             assert!(table.len().is_power_of_two(), "a table has 2^n pairs");
             let at = (Self::splat(table.len() as i64 - 1) & self).to_array();
-            // Two pairs in the half of a register, one load each: a gather of eight is some forty
+            // Two pairs per half register, one load each. A gather of eight takes about forty
             // operations on hosts that split it up.
             //
             // SAFETY: as `word`; the address is cut to the table's length, a power of two.
@@ -674,9 +673,9 @@ pub mod avx2 {
                 _mm256_castpd_si256(_mm256_blendv_pd(own, negated, own))
             })
         }
-        // The exponent of a float of double precision. Without the bits that follow a one, no lane
-        // is rounded up to the next power of two. Both halves become floats by being put below a
-        // one far to the left, which is then taken away.
+        // From the exponent of a double. The bits after the leading one are cleared, so no lane is
+        // rounded up to the next power of two. Both halves become doubles by placing them below a
+        // much higher one, which is then subtracted.
         #[inline(always)]
         fn leading_zeros(self) -> VectorWords {
             const LOW: i64 = 0x4330_0000_0000_0000;
@@ -700,7 +699,7 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn cut(self, by: u32) -> VectorWords {
-            // Odd lanes end where they belong, in high halves.
+            // Results of odd lanes are already in the high halves.
             word!({
                 let even = _mm256_srl_epi64(self.0[0], _mm_cvtsi32_si128(by as i32));
                 let odd = _mm256_sll_epi64(self.0[1], _mm_cvtsi32_si128(32 - by as i32));
@@ -721,14 +720,14 @@ pub mod avx2 {
             if unsafe { _mm256_testz_si256(by.0, _mm256_set1_epi32(!63)) } == 0 {
                 return None;
             }
-            // Known to be possible, a shift is one instruction.
+            // If the count is in range, a shift is one instruction.
             let counts = (by & VectorWords::splat(63)).natural();
             let cut: Self = even_and_odd!(i => {
                 let sign = _mm256_set1_epi64x(SIGN);
                 let biased = _mm256_xor_si256(self.0[i], sign);
                 _mm256_sub_epi64(_mm256_srlv_epi64(biased, counts[i]), _mm256_srlv_epi64(sign, counts[i]))
             });
-            // A word of 31 bits, moved up by half of their values, has nothing above them.
+            // A word of 31 bits, offset by half of their range, has no bits above them.
             let moved = cut + Self::splat(1 << 30);
             // SAFETY: as `word`.
             if unsafe {

@@ -1,8 +1,8 @@
-//! Kernels: how the simulator's host draws fast: vector instructions, and a tile's fragments packed
-//! for them. No hardware is here.
+//! Kernels: the host's fast versions of the units: vector instructions, and the fragments of a tile
+//! packed for them. This is not hardware.
 //!
-//! Each is held to what its unit means, on random machines: `the_unit_is_the_algorithm` (fragment),
-//! and the laws of [`host`].
+//! Tests check each kernel against its unit on random machines: `the_unit_is_the_algorithm`
+//! (fragment), and the laws of [`host`].
 
 pub mod host;
 mod packed;
@@ -12,15 +12,15 @@ mod weigh;
 
 pub use packed::{Accumulator, Limits, PackedSlot, PackedSums, SumLimits, fits_32_bits};
 pub use queue::{ONES, Queue, Queued};
-pub use tile::{MAX_DEPTH_BITS, NO_MATCH, Tile};
+pub use tile::{MAX_DEPTH_BITS, NO_MATCH, PackedTile};
 pub use weigh::{Short, Weigh, WeighShape};
 
 use crate::num::Lanes;
 use std::marker::PhantomData;
 
-/// Path of the host through a unit: a choice that changes no bit, compiled once for each.
+/// Host path through a unit: compiled once per combination, with the same results.
 pub trait HostPath: Copy {
-    /// Whether every hot fit is known to be an add, a shift to the right and two limits.
+    /// Whether every fit of an inner loop is an addition, a right shift and two limits.
     const SIMPLE_FITS: bool;
     /// Eight lanes of the host.
     type Lanes: Lanes;
@@ -28,7 +28,7 @@ pub trait HostPath: Copy {
     type Accumulator: Accumulator;
 }
 
-/// A path by its three choices.
+/// A host path by its three choices.
 #[derive(Clone, Copy, Debug)]
 pub struct Path<const SIMPLE_FITS: bool, V, A>(PhantomData<(V, A)>);
 

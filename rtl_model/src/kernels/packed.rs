@@ -1,8 +1,7 @@
-//! Packed: a fragment in the host's words, its eight sums side by side in one vector register where
-//! they are 32 bits.
+//! Packed: a fragment in the host's words; eight sums of 32 bits fill one vector register.
 
 use super::tile::NO_MATCH;
-use crate::num::{Fit, Lanes, Seen, Word, Words};
+use crate::num::{Fit, Lanes, LimitedWords, Word, Words};
 use crate::records::{Attributes, SUMS, Slot, Sums};
 
 /// [`Sums`] in the host's words.
@@ -22,25 +21,25 @@ impl<A: Accumulator> PackedSums<A> {
     }
 }
 
-/// The host's word for a sum: 32 bits where everything fits, else 64.
+/// The host's word for a sum: 32 bits if every value fits, else 64.
 pub trait Accumulator: Copy + Default + Send + Sync + 'static {
     /// The limits in this word.
     fn limits(limits: &SumLimits) -> &Limits<Self>;
-    /// Adds `weight · attributes`, each rounded, to sums that saturate. For whoever watches, where
-    /// words of 31 bits hold all: what was seen.
+    /// Adds `weight · attributes`, each rounded, to sums that saturate. Returns the extremes for
+    /// probes, if words of 31 bits hold every value.
     fn accumulate<V: Lanes>(
         sums: &mut PackedSums<Self>,
         attributes: &Attributes,
         weight: i64,
         limits: &Limits<Self>,
-    ) -> Option<Seen<V::Words>>;
+    ) -> Option<LimitedWords<V::Words>>;
     /// From a word that fits.
     fn put(word: i64) -> Self;
     /// The word.
     fn get(self) -> i64;
 }
 
-/// Limits of an accumulation, where all of its fits are simple, lane by lane.
+/// Limits of an accumulation, lane by lane, if all of its fits are simple.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Limits<A> {
     half: [A; SUMS],
@@ -68,8 +67,7 @@ pub struct SumLimits {
 }
 
 impl SumLimits {
-    /// For sums in these words, each of which is shifted right by so many places after its half is
-    /// added.
+    /// For sums in these words, each shifted right by `right` after its half is added.
     pub fn new(half: [i64; SUMS], right: [u32; SUMS], words: [Word; SUMS]) -> Self {
         SumLimits {
             narrow: Limits::new(half, right, words),
@@ -88,7 +86,7 @@ impl Accumulator for i32 {
         attributes: &Attributes,
         weight: i64,
         limits: &Limits<i32>,
-    ) -> Option<Seen<V::Words>> {
+    ) -> Option<LimitedWords<V::Words>> {
         let Limits {
             half,
             right,
@@ -104,7 +102,7 @@ impl Accumulator for i32 {
             [min, max],
         );
         let words = V::Words::from_array(sums.0);
-        Some(Seen {
+        Some(LimitedWords {
             words,
             limited: !(unlimited - words).is_zero().signs(),
         })
@@ -129,8 +127,8 @@ impl Accumulator for i64 {
         attributes: &Attributes,
         weight: i64,
         limits: &Limits<i64>,
-    ) -> Option<Seen<V::Words>> {
-        // Words of at most 32 bits each: one multiplication.
+    ) -> Option<LimitedWords<V::Words>> {
+        // Both words have at most 32 bits: one multiplication.
         let weight = weight as i32;
         for lane in 0..SUMS {
             let product = i64::from(attributes[lane]) * i64::from(weight);
@@ -166,12 +164,12 @@ pub fn fits_32_bits(weight: Word, attribute: Word, sum: Word, fit: &Fit) -> bool
         && right < 32
 }
 
-/// A fragment outside its slot, in the host's words.
+/// A fragment, unpacked from its slot, in the host's words.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PackedSlot<A> {
     /// Its sums.
     pub sums: PackedSums<A>,
-    /// Its depth, with [`NO_MATCH`] where it is not to be matched.
+    /// Its depth, with [`NO_MATCH`] if no contribution may match it.
     pub key: i32,
     /// Index into the frame's materials.
     pub material: u32,

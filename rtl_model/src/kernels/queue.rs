@@ -1,6 +1,6 @@
-//! Queue: fragments on their way from gauss to fragment. The host weighs those of eight splats,
-//! eight side by side, before it adds up any, one by one: each loop keeps its own constants, and is
-//! left once.
+//! Queue: fragments between gauss and fragment. The host computes the weights of eight splats,
+//! eight fragments at a time, before it accumulates any of them one by one. So each loop keeps its
+//! own constants.
 
 use crate::num::{LANES, Words};
 use crate::records::TILE_AREA;
@@ -8,17 +8,17 @@ use crate::records::TILE_AREA;
 /// Most fragments of eight splats in a tile.
 const MOST: usize = LANES * TILE_AREA;
 
-/// Fragments in the order in which they arrive.
+/// Fragments in order of arrival.
 #[derive(Clone, Debug)]
 pub struct Queue {
     len: usize,
     weight: [i32; 2 * MOST + LANES],
     depth: [i32; 2 * MOST + LANES],
-    /// 256 times the splat's lane, and the pixel.
+    /// 256 times the lane of the splat, plus the pixel.
     place: [i32; 2 * MOST + LANES],
 }
 
-/// One of them.
+/// A fragment in the queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Queued {
     /// w (`gauss.weight`).
@@ -27,7 +27,7 @@ pub struct Queued {
     pub depth: i32,
     /// Pixel of the tile: 16 · row + column.
     pub pixel: u8,
-    /// Which of the eight splats.
+    /// Index among the eight splats.
     pub lane: usize,
 }
 
@@ -43,7 +43,7 @@ impl Default for Queue {
 }
 
 impl Queue {
-    /// Empties it.
+    /// Empties the queue.
     #[inline(always)]
     pub fn clear(&mut self) {
         self.len = 0;
@@ -60,7 +60,7 @@ impl Queue {
         self.len == 0
     }
 
-    /// One of the fragments.
+    /// The fragment at an index.
     #[inline(always)]
     pub fn get(&self, nth: usize) -> Queued {
         let nth = nth % (2 * MOST);
@@ -73,12 +73,12 @@ impl Queue {
         }
     }
 
-    /// Adds those of eight fragments whose bits are set, the first in the last place: weights,
-    /// depths and 256 · lane + pixel.
+    /// Appends those of eight fragments whose bits are set in `which`; the first fragment has the
+    /// LSB. Words: weights, depths and 256 · lane + pixel.
     #[inline(always)]
     pub fn push<W: Words>(&mut self, [weight, depth, place]: [W; 3], which: u8) {
         let lanes = W::from_bytes(ONES[usize::from(which)].to_le_bytes());
-        // Twice as many as there may be: eight always have room.
+        // Twice the greatest length, so eight more always have room.
         let to = self.len % (2 * MOST)..self.len % (2 * MOST) + LANES;
         self.weight[to.clone()].copy_from_slice(&weight.pick(lanes).to_array());
         self.depth[to.clone()].copy_from_slice(&depth.pick(lanes).to_array());
@@ -87,7 +87,7 @@ impl Queue {
     }
 }
 
-/// The places of the ones among eight bits, a byte each, the first in the last place.
+/// The positions of the ones in eight bits, a byte each, the LSB's first.
 pub static ONES: [u64; 256] = {
     let mut all = [0; 256];
     let mut bits = 0;
@@ -111,7 +111,7 @@ mod tests {
     use crate::num::words::PlainWords;
 
     #[test]
-    fn what_is_pushed_comes_in_order_without_what_is_left_out() {
+    fn pushed_fragments_keep_their_order_and_dropped_ones_are_absent() {
         let mut queue = Queue::default();
         let mut expected = Vec::new();
         for round in 0..300 {
@@ -144,7 +144,7 @@ mod tests {
         assert!(queue.is_empty());
     }
 
-    /// As many as eight splats can have, and then none that are kept.
+    /// The greatest number of fragments of eight splats, and then some that are dropped.
     #[test]
     fn a_full_queue_has_room_for_none_more() {
         let mut queue = Queue::default();

@@ -1,31 +1,31 @@
-//! Tile: the fragments of 16 × 16 pixels, packed so that a contribution finds its own with one
+//! Tile: the fragments of 16 × 16 pixels, packed so that a contribution finds its fragment with one
 //! vector instruction.
 
 use super::packed::{Accumulator, PackedSlot, PackedSums};
 use crate::num::Lanes;
 use crate::records::{MAX_LAYERS, Slot, TILE_AREA};
 
-/// Set in the key of a slot that is shaded or empty: its depth is then farther than any ε from any
-/// depth word.
+/// Set in the key of a slot that is shaded or empty: its distance from any depth word is then
+/// greater than any ε.
 pub const NO_MATCH: i32 = i32::MIN;
-/// Widest depth that the comparators take, bits.
+/// Greatest width of a depth in the comparators, bits.
 pub const MAX_DEPTH_BITS: i32 = 30;
 
 /// The fragments of a tile's pixels.
 #[derive(Clone, Debug)]
-pub struct Tile<A> {
-    /// Depth of each slot of each pixel, with [`NO_MATCH`] where it is not to be matched.
+pub struct PackedTile<A> {
+    /// Depth of each slot of each pixel, with [`NO_MATCH`] if no contribution may match it.
     keys: [[i32; MAX_LAYERS]; TILE_AREA],
-    /// Slot by slot: those in use lie side by side in the cache.
+    /// Slot by slot, so that slots in use are adjacent in the cache.
     sums: [[PackedSums<A>; TILE_AREA]; MAX_LAYERS],
     material: [[u32; TILE_AREA]; MAX_LAYERS],
     live: [u8; TILE_AREA],
     contributions: [u32; TILE_AREA],
 }
 
-impl<A: Accumulator> Default for Tile<A> {
+impl<A: Accumulator> Default for PackedTile<A> {
     fn default() -> Self {
-        Tile {
+        PackedTile {
             keys: [[NO_MATCH; MAX_LAYERS]; TILE_AREA],
             sums: [[PackedSums::default(); TILE_AREA]; MAX_LAYERS],
             material: [[0; TILE_AREA]; MAX_LAYERS],
@@ -35,13 +35,13 @@ impl<A: Accumulator> Default for Tile<A> {
     }
 }
 
-/// A slot's number, as the host is to see it: never beyond the last.
+/// A slot's index modulo `MAX_LAYERS`, so that no bounds check is compiled.
 #[inline(always)]
 fn within(slot: usize) -> usize {
     slot % MAX_LAYERS
 }
 
-impl<A: Accumulator> Tile<A> {
+impl<A: Accumulator> PackedTile<A> {
     /// Empties the tile.
     pub fn clear(&mut self) {
         self.live.fill(0);
@@ -49,13 +49,13 @@ impl<A: Accumulator> Tile<A> {
         self.keys.fill([NO_MATCH; MAX_LAYERS]);
     }
 
-    /// Counts one contribution more to a pixel.
+    /// Counts a further contribution to a pixel.
     #[inline(always)]
     pub fn count(&mut self, pixel: u8) {
         self.contributions[usize::from(pixel)] += 1;
     }
 
-    /// Contributions that a pixel has had.
+    /// Contributions to a pixel so far.
     pub fn contributions(&self, pixel: u8) -> u32 {
         self.contributions[usize::from(pixel)]
     }
@@ -66,13 +66,13 @@ impl<A: Accumulator> Tile<A> {
         usize::from(self.live[usize::from(pixel)])
     }
 
-    /// Sets how many fragments a pixel has.
+    /// Sets the number of fragments of a pixel.
     #[inline(always)]
     pub fn set_live(&mut self, pixel: u8, live: u8) {
         self.live[usize::from(pixel)] = live;
     }
 
-    /// Puts a fragment into the next slot, which is free; says which.
+    /// Puts a fragment into the next free slot; returns its index.
     #[inline(always)]
     pub fn open(&mut self, pixel: u8, fragment: PackedSlot<A>) -> u8 {
         let live = self.live[usize::from(pixel)];
@@ -86,8 +86,8 @@ impl<A: Accumulator> Tile<A> {
         self.read(pixel, slot).get()
     }
 
-    /// The slot of the fragment that is nearest to a depth, the first of equals, if it is nearer
-    /// than a limit.
+    /// The slot of the fragment that is nearest to a depth, if it is nearer than a limit; the first
+    /// of several at the same distance.
     #[inline(always)]
     pub fn nearest<V: Lanes>(&self, pixel: u8, depth: i32, limit: u32) -> Option<usize> {
         let keys = &self.keys[usize::from(pixel)];
@@ -110,19 +110,19 @@ impl<A: Accumulator> Tile<A> {
         &self.sums[within(slot)][usize::from(pixel)]
     }
 
-    /// The sums in a slot, to be added to.
+    /// The sums in a slot, mutable.
     #[inline(always)]
     pub fn sums_mut(&mut self, pixel: u8, slot: usize) -> &mut PackedSums<A> {
         &mut self.sums[within(slot)][usize::from(pixel)]
     }
 
-    /// Depth of a slot, with [`NO_MATCH`] where it is not to be matched.
+    /// Depth of a slot, with [`NO_MATCH`] if no contribution may match it.
     #[inline(always)]
     pub fn key(&self, pixel: u8, slot: usize) -> i32 {
         self.keys[usize::from(pixel)][within(slot)]
     }
 
-    /// Brings a slot nearer, if this depth is.
+    /// Moves a slot nearer if this depth is nearer.
     #[inline(always)]
     pub fn bring_nearer(&mut self, pixel: u8, slot: usize, depth: i32) {
         let key = &mut self.keys[usize::from(pixel)][within(slot)];
@@ -135,7 +135,7 @@ impl<A: Accumulator> Tile<A> {
         self.key(pixel, slot) & !NO_MATCH
     }
 
-    /// The fragment in a slot, as it lies there.
+    /// The packed fragment in a slot.
     #[inline(always)]
     pub fn read(&self, pixel: u8, slot: usize) -> PackedSlot<A> {
         let material = self.material[within(slot)][usize::from(pixel)];
@@ -155,13 +155,13 @@ impl<A: Accumulator> Tile<A> {
         self.material[slot][pixel] = fragment.material;
     }
 
-    /// Puts the fragment of one slot into another, too.
+    /// Copies a fragment from one slot to another.
     #[inline(always)]
     pub fn copy(&mut self, pixel: u8, from: usize, to: usize) {
         self.write(pixel, to, self.read(pixel, from));
     }
 
-    /// Brings the first so many slots of a pixel into depth order.
+    /// Sorts the first `slots` slots of a pixel by depth.
     #[inline(always)]
     pub fn sort(&mut self, pixel: u8, slots: usize) {
         if !self.keys[usize::from(pixel)][..slots].is_sorted_by_key(|key| key & !NO_MATCH) {
@@ -179,8 +179,8 @@ impl<A: Accumulator> Tile<A> {
         }
     }
 
-    /// The first of so many slots, which are in depth order, that lies behind a depth; after the
-    /// last where none does.
+    /// Index of the first of `slots` slots, in depth order, that is behind a depth; `slots` if
+    /// there is none.
     #[inline(always)]
     pub fn place(&self, pixel: u8, slots: usize, depth: i32) -> usize {
         self.keys[usize::from(pixel)][..slots]

@@ -1,6 +1,7 @@
-//! Weigh: what gauss does, in registers, between the walk of the rasteriser and a tile's fragments.
+//! Weigh: the function of gauss in registers, between the walk of the rasteriser and a tile's
+//! fragments.
 //!
-//! The graph of `gauss` says what a weight is. As a batch each operator of it reads and writes a
+//! The graph of `gauss` defines a weight. In a batch of the graph each operator reads and writes a
 //! row in memory; here the walk, the table and the queue are one loop in registers.
 //!
 //! Laws (tests of gauss, against its graph): `a_weight_never_exceeds_its_amplitude`,
@@ -10,7 +11,7 @@ use crate::functions::{Table, table};
 use crate::num::{Exacts, Fit, Lanes, Words, fit};
 use crate::probe::{Probe, Tap};
 
-/// Gauss with what is known of its fits.
+/// Gauss, with properties of its fits.
 #[derive(Clone, Debug)]
 pub struct Weigh {
     radial_index: Fit,
@@ -19,15 +20,14 @@ pub struct Weigh {
     /// Whether 32 bits hold every radial index below the cutoff, and every weight, before they are
     /// limited.
     is_natural: bool,
-    /// Whether [`Weigh::short`] may be asked, for r below 2^30.
+    /// Whether [`Weigh::short`] may be used, for r below 2^30.
     is_narrow: bool,
 }
 
-/// How large the numbers are that gauss is given and makes; of the first two, bits before the
-/// binary point.
+/// Ranges of the inputs and outputs of gauss; the first two are bits before the binary point.
 #[derive(Clone, Copy, Debug)]
 pub struct WeighShape {
-    /// An r below the cutoff.
+    /// r below the cutoff.
     pub radial: i32,
     /// An amplitude times a falloff.
     pub weighed: i32,
@@ -57,7 +57,7 @@ impl<W: Words> Short<'_, W> {
 }
 
 impl Weigh {
-    /// Of a unit with this table and these fits.
+    /// For a unit with this table and these fits.
     pub fn new([radial_index, weight]: [Fit; 2], table: &Table, shape: WeighShape) -> Self {
         let short =
             |fit: &Fit| fit.is_simple() && fit.places() < 31 && fit.word.format.width() < 32;
@@ -76,12 +76,12 @@ impl Weigh {
         }
     }
 
-    /// Whether all of its fits are plain.
+    /// Whether all of its fits are simple.
     pub fn is_simple(&self) -> bool {
         self.is_natural && self.table.fit().is_simple()
     }
 
-    /// Whether [`Weigh::short`] may be asked, for r below 2^30.
+    /// Whether [`Weigh::short`] may be used, for r below 2^30.
     pub fn is_narrow(&self) -> bool {
         self.is_narrow
     }
@@ -98,7 +98,7 @@ impl Weigh {
         }
     }
 
-    /// Radial index and weight of eight fragments of one splat, whose r is not negative.
+    /// Radial index and weight of eight fragments of one splat with r ≥ 0.
     #[inline(always)]
     pub fn lanes<const SIMPLE_FITS: bool, L: Lanes, P: Probe>(
         &self,
@@ -107,7 +107,7 @@ impl Weigh {
         tap: &mut Tap<P>,
     ) -> [L; 2] {
         let radial_index = tap.fit_unsigned::<SIMPLE_FITS, L>(&self.radial_index, radial);
-        // Between two words of the table lies nothing beyond them.
+        // Interpolated values do not exceed the entries of the table.
         let falloff = tap
             .fit_within::<SIMPLE_FITS, L>(self.table.fit(), self.table.exact_lanes(radial_index));
         [

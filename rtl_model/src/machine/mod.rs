@@ -64,7 +64,7 @@ pub struct FunctionUnit {
 pub enum Interpolation {
     /// The word of the step that contains the argument.
     Nearest,
-    /// A straight line between the words at the step's ends.
+    /// A line between the words at the ends of the step.
     Linear,
 }
 
@@ -227,8 +227,8 @@ pub struct Colour {
 pub enum Rows {
     /// The first pixel of each row is evaluated from the conic.
     Seeded,
-    /// Only the first pixel of the box is evaluated from the conic; rows are differenced as pixels
-    /// are.
+    /// Only the first pixel of the box is evaluated from the conic; rows are differenced like
+    /// pixels.
     Differenced,
 }
 
@@ -421,8 +421,8 @@ pub enum SortKind {
     /// A radix sort of the entries of all lists, in memory: one pass for each digit of the key.
     #[default]
     Radix,
-    /// Each tile's list by itself, in the buffer of a sorter (`timing.sort`). A list that is longer
-    /// than the buffer is sorted in chunks, which are merged in memory.
+    /// Each tile's list separately, in the buffer of a sorter (`timing.sort`). A list that is
+    /// longer than the buffer is sorted in chunks, which are merged in memory.
     Tile,
     /// As `tile`, but a list that is longer than the buffer is first distributed to buckets in
     /// memory, by the upper bits of the key; then each bucket is sorted.
@@ -439,14 +439,14 @@ impl SortKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sort {
-    /// What is sorted at a time, and where; left out, `radix`.
+    /// Kind of the sort; left out, `radix`.
     #[serde(default, skip_serializing_if = "SortKind::is_radix")]
     pub kind: SortKind,
     /// The sort key: depth, machine units. Splats with equal keys stay in input order.
     pub key: Word,
-    /// Bits of the tile's number in front of the depth in the key of `radix`, 1 to 20: a picture
-    /// has at most 2^this tiles of 16×16 pixels, whatever the side of the machine's tiles. Left
-    /// out, the key is the depth alone.
+    /// Bits of the tile index in front of the depth in the key of `radix`, 1 to 20: a picture has
+    /// at most 2^this tiles of 16×16 pixels, regardless of the machine's tile size. Left out, the
+    /// key is only the depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tile_bits: Option<u32>,
     /// Bits of the key that one pass of the radix sort uses, 1 to 16; the other kinds do not use
@@ -455,7 +455,7 @@ pub struct Sort {
 }
 
 impl Sort {
-    /// Bits of the whole key: the tile's number and the depth.
+    /// Bits of the whole key: tile index and depth.
     pub(crate) fn key_bits(&self) -> u32 {
         self.key.format.width().max(1) as u32 + self.tile_bits.unwrap_or(0).min(MOST_TILE_BITS)
     }
@@ -466,7 +466,7 @@ impl Sort {
     }
 }
 
-/// Most bits of a tile's number.
+/// Greatest width of a tile index, bits.
 pub(crate) const MOST_TILE_BITS: u32 = 20;
 
 /// Formats of the unit `shade`.

@@ -45,8 +45,8 @@ const fn unsigned(int_bits: i32, frac_bits: i32) -> Word {
     Word::new(Format::unsigned(int_bits, frac_bits))
 }
 
-/// The default: for an engineer its picture is exact. No multiplier operand has more than 27 bits.
-/// A fragment fits the paper's 38 bytes.
+/// The default: its picture is accurate enough for engineers. No multiplier operand has more than
+/// 27 bits. A fragment fits the paper's 38 bytes.
 fn reference() -> Machine {
     let fine = FunctionUnit {
         table_bits: 8,
@@ -576,7 +576,7 @@ fn gaussian() -> Machine {
             rgb: unsigned(3, 14),
             ..base.splat
         },
-        // Centres far to the side count too.
+        // Centres far outside the picture contribute too.
         project: Project {
             slope: signed(6, 22),
             ..base.project

@@ -58,7 +58,7 @@ impl Technology {
         }
     }
 
-    /// Its name, for sentences.
+    /// Its name in sentences.
     pub fn name(self) -> &'static str {
         match self {
             Technology::Ideal => "ideal gates",
@@ -167,7 +167,7 @@ pub struct Fetch {
 #[schemars(rename = "WalkTiming")]
 #[serde(deny_unknown_fields, default)]
 pub struct Walk {
-    /// Entries of the stack: nodes whose children are not read yet, each as a number and a count.
+    /// Entries of the stack: nodes whose children are not read yet, each as an index and a count.
     pub stack: u32,
 }
 
@@ -236,15 +236,15 @@ impl Default for Colour {
 #[schemars(rename = "SortTiming")]
 #[serde(deny_unknown_fields, default)]
 pub struct Sorter {
-    /// Sorters side by side, 1 to 64: each takes the next list from one queue.
+    /// Parallel sorters, 1 to 64. Each takes the next list from one queue.
     pub units: u32,
     /// Entries that a sorter sorts at a time, a power of two, 4 to 65536.
     pub buffer_entries: u32,
     /// Entries that its bitonic network sorts at a time, a power of two, 1 to 1024 and at most
-    /// `buffer_entries`; 1: it has no network. The runs of the network are merged in the buffer, an
-    /// entry a cycle.
+    /// `buffer_entries`; 1: it has no network. The runs of the network are merged in the buffer,
+    /// one entry per cycle.
     pub network: u32,
-    /// Upper bits of the key that choose the bucket of an entry, 1 to 12, on a machine whose
+    /// Upper bits of the key that select the bucket of an entry, 1 to 12, on a machine whose
     /// `sort.kind` is `hierarchical`; left out there, 6.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bucket_bits: Option<u32>,
@@ -304,7 +304,7 @@ pub struct Cache {
     pub misses: u32,
     /// Cycles of a look-up.
     pub latency: u32,
-    /// Places of the FIFO behind it, stamps that wait for their lines.
+    /// Places of the FIFO behind it: stamps whose lines are not loaded yet.
     pub fifo: u32,
 }
 
@@ -327,7 +327,7 @@ pub struct Tile {
 pub struct Fragment {
     /// Units that share the rasteriser's lanes, a power of two. Pixel (x, y) belongs to unit (x +
     /// y·columns of a stamp) mod units, so the pixels of a stamp are distributed evenly. A stamp
-    /// waits for all units that its pixels need. Left out, 1.
+    /// starts when all units that its pixels need are free. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<u32>,
     /// Stamps whose fragments can be merged in a unit at the same time. When this number is
@@ -338,7 +338,7 @@ pub struct Fragment {
     /// the clock allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Cycles until the same pixel can be taken again; left out, the latency. 1 with forwarding.
+    /// Cycles until the same pixel can be read again; left out, the latency. 1 with forwarding.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hazard: Option<u32>,
     /// Additional cycles for each pixel of a stamp in which two fragments merge, after they are
@@ -641,7 +641,7 @@ impl Memory {
             )
         };
         let thousandths = u128::from(sheet.bytes) * 1000 / u128::from(clock_hz.max(1));
-        let or = |said: u32, value: u32| if said == 0 { value } else { said };
+        let or = |given: u32, value: u32| if given == 0 { value } else { given };
         // Thousandths belong to the bytes of the preset.
         let permille = if self.bytes_per_cycle == 0 {
             number(thousandths % 1000)

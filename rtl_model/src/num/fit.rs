@@ -1,78 +1,77 @@
-//! Fit: puts an exact result into a word, the one lossy act.
+//! Fit: quantises an exact result to a word, the only lossy operation.
 //!
 //! ```text
 //! exact ─►(<< left)─►(+ round)─►(>> right)─►[ saturate | wrap ]─► word
 //! ```
-//! Everything that depends on formats is worked out once, at elaboration; per value there are
-//! shifts, an add and limits. A barrel shifter in front (`…_shifted`) takes results whose binary
-//! point the data decides, after a normalisation.
+//! Everything that depends on formats is computed once, at elaboration; a value takes shifts, an
+//! addition and limits. A barrel shifter in front (`…_shifted`) accepts results whose binary point
+//! depends on the data, as after a normalisation.
 //!
 //! Laws: `fit_agrees_with_exact_rationals`, `fit_agrees_with_the_crate_fixed`,
-//! `eight_lanes_equal_one`, `eight_narrow_words_equal_one`, `loss_is_told_truly`.
+//! `eight_lanes_equal_one`, `eight_narrow_words_equal_one`, `loss_is_reported_exactly`.
 
 use super::{Exact, Exacts, LANES, Lanes, Overflow, Rounding, Word, Words, three};
 use std::hint::cold_path;
 
-/// Loss of a [`Fit`], for whoever watches.
+/// Losses of a [`Fit`], for probes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Loss {
-    /// Bits that were not zero fell off below the last place.
+    /// Bits other than zero were dropped below the LSB.
     pub inexact: bool,
-    /// The value lay below the range and the word is the least one.
+    /// The value was below the range; the word is the least one.
     pub saturated_low: bool,
-    /// The value lay above the range and the word is the greatest one.
+    /// The value was above the range; the word is the greatest one.
     pub saturated_high: bool,
-    /// The value lay outside the range and only its low bits are left.
+    /// The value was outside the range; only its low bits remain.
     pub wrapped: bool,
 }
 
-/// Eight results of a fit that is an add, a shift and two limits, for whoever watches.
+/// Eight results of a simple fit (an addition, a shift and two limits), for probes.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen<W> {
+pub struct LimitedWords<W> {
     /// The words, of at most 31 bits.
     pub words: W,
-    /// Which met a limit that changed them, the first lane in the last place.
+    /// Lanes that a limit changed, the first lane in the LSB.
     pub limited: u8,
 }
 
-/// An elaborated word: how exact results with a known number of fraction bits come into it.
+/// An elaborated word: how exact results with a given number of fraction bits become this word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fit {
     /// Index of the signal in the elaborated machine's list.
     pub signal: usize,
-    /// The word that comes out.
+    /// The resulting word.
     pub word: Word,
-    /// Fraction bits of the exact result less those of the word: places to the right.
+    /// Fraction bits of the exact result less those of the word: the right shift.
     places: i64,
-    /// Half a place, which rounds to nearest before those places are cut; 0 where they are just
-    /// cut.
+    /// Half an ulp, added before the shift to round to nearest; 0 for truncation.
     half: i64,
     min: i64,
     max: i64,
-    /// Places by which a result is first shifted left, for a barrel shifter that then only needs to
-    /// go right.
+    /// Left shift in front of a barrel shifter, so that the barrel shifter only shifts right.
     head: u32,
-    /// Places to the right from there that leave one place to round by; impossible ones where an
-    /// add and limits are not all there is.
+    /// Right shift after `head` that leaves one bit for rounding; [`IMPOSSIBLE`] unless the fit is
+    /// simple.
     barrel: i64,
-    /// The usual rounding and overflow, and no shift to the left: an add, a shift and two limits.
+    /// Default rounding and overflow, and no left shift: an addition, a shift and two limits.
     simple: bool,
-    /// Simple, and any exact result of the elaborated shape, cut by 0 to 31 places, is a word of 32
-    /// bits: limits can wait until it is one.
+    /// Simple, and every exact result of the elaborated shape is a word of 32 bits after a right
+    /// shift of 0 to 31. The limits can then be applied to that word.
     narrow: bool,
-    /// The same after 32 places and more, which leave a word of any exact result.
+    /// As `narrow`, for right shifts of 32 and more, after which every exact result is a word of 32
+    /// bits.
     deep: bool,
-    /// Places to the right, where there are none to the left.
+    /// The right shift; 0 for a left shift.
     right: u32,
 }
 
-/// Room for data-dependent shifts to the left that the vector path keeps, bits.
+/// Greatest data-dependent left shift on the vector path, bits.
 const MOST_HEAD: i64 = 24;
-/// More places than any shifter has, whatever the data adds to them.
+/// A shift beyond that of any shifter, whatever the data adds to it.
 const IMPOSSIBLE: i64 = 1 << 20;
 
-/// A [`Fit`] with its constants on all lanes, where limits can wait until a result is a word of 32
-/// bits: see [`Fit::narrow`].
+/// A [`Fit`] with its constants on all lanes, whose limits are applied to words of 32 bits: see
+/// [`Fit::narrow`].
 #[derive(Clone, Copy, Debug)]
 pub struct Narrow<W: Words> {
     half: W::Exact,
@@ -158,7 +157,7 @@ impl Fit {
             .min(self.max)
     }
 
-    /// Half a place, or what else is added before places are cut.
+    /// The constant added before the right shift.
     pub fn half(&self) -> i64 {
         self.half
     }
@@ -169,29 +168,29 @@ impl Fit {
         [self.min, self.max]
     }
 
-    /// Places to the right of an exact result that are cut.
+    /// Right shift of an exact result.
     pub fn places(&self) -> i64 {
         self.places
     }
 
-    /// Whether an add, a shift and two limits are all there is.
+    /// Whether the fit is an addition, a shift and two limits.
     pub fn is_simple(&self) -> bool {
         self.simple
     }
 
-    /// Whether at least 32 places are cut, which leaves a word of 32 bits of any exact result
+    /// Whether the right shift is at least 32, after which every exact result is a word of 32 bits
     /// ([`Fit::top`]).
     pub fn is_deep(&self) -> bool {
         self.deep
     }
 
-    /// Whether an add, a shift and one limit of 32 bits are all there is for results from 0 to
+    /// Whether an addition, a shift and one limit of 32 bits suffice for results from 0 to
     /// 2^`int_bits`.
     pub fn is_natural(&self, int_bits: i32) -> bool {
         self.simple && !self.word.format.signed && int_bits + self.word.format.frac_bits < 32
     }
 
-    /// The word for one exact result with `more` fraction bits than was elaborated.
+    /// The word for one exact result with `more` fraction bits than elaborated.
     #[inline(always)]
     pub fn one_shifted(&self, exact: i64, more: i64) -> i64 {
         let places = self.places + more;
@@ -225,7 +224,7 @@ impl Fit {
         (exact + L::splat(self.half)).right(self.right)
     }
 
-    /// Whether an add, a shift and a register that wraps are all there is.
+    /// Whether the fit is an addition, a shift and a register that wraps.
     #[inline(always)]
     pub fn is_register(&self) -> bool {
         (0..=62).contains(&self.places)
@@ -233,8 +232,8 @@ impl Fit {
             && self.word.overflow == Overflow::Wrap
     }
 
-    /// The words for eight exact results of which none is negative, in a word without a sign.
-    /// `SIMPLE_FITS` says that [`Fit::is_natural`], so that nothing has to be asked.
+    /// The words for eight exact results ≥ 0, as unsigned words. `SIMPLE_FITS` promises
+    /// [`Fit::is_natural`], so that it is not tested.
     #[inline(always)]
     pub fn lanes_unsigned<const SIMPLE_FITS: bool, L: Lanes>(&self, exact: L) -> L {
         if SIMPLE_FITS {
@@ -250,7 +249,7 @@ impl Fit {
             .min(L::splat(self.max))
     }
 
-    /// [`Fit::lanes_unsigned`] where the word is known to reach all results.
+    /// [`Fit::lanes_unsigned`] for a word that represents every result.
     #[inline(always)]
     pub fn lanes_within<const SIMPLE_FITS: bool, L: Lanes>(&self, exact: L) -> L {
         if !SIMPLE_FITS && !self.simple {
@@ -259,8 +258,8 @@ impl Fit {
         (exact + L::splat(self.half)).right_unsigned(self.right)
     }
 
-    /// [`Fit::lanes_unsigned`] of words of 31 bits, which hold what is added to them, for a word of
-    /// as many that is simple.
+    /// [`Fit::lanes_unsigned`] of words of 31 bits that do not overflow when rounded, for a simple
+    /// word of 31 bits.
     #[inline(always)]
     pub fn natural<W: Words>(&self) -> Natural<W> {
         Natural {
@@ -270,7 +269,7 @@ impl Fit {
         }
     }
 
-    /// [`Fit::words`] with its constants on all lanes; none where it takes the long way.
+    /// [`Fit::words`] with its constants on all lanes; none if it takes the slow path.
     #[inline(always)]
     pub fn narrow<W: Words>(&self) -> Option<Narrow<W>> {
         if !self.narrow {
@@ -322,12 +321,12 @@ impl Fit {
         debug_assert_eq!(
             words.exact().to_array(),
             self.wide(exact).to_array(),
-            "{exact:?} has not the shape that was elaborated"
+            "{exact:?} does not have the elaborated shape"
         );
         words
     }
 
-    /// The words for eight exact results, where they may have more than 32 bits.
+    /// The words for eight exact results, which can have more than 32 bits.
     #[inline(always)]
     pub fn wide<X: Exacts>(&self, exact: X) -> X {
         if !self.simple {
@@ -341,7 +340,7 @@ impl Fit {
     }
 
     /// The words, of at most 32 bits, for eight exact results, each with `more` fraction bits than
-    /// was elaborated.
+    /// elaborated.
     #[inline(always)]
     pub fn words_shifted<X: Exacts>(&self, exact: X, more: X::Words) -> X::Words {
         match exact
@@ -362,10 +361,10 @@ impl Fit {
         }
     }
 
-    /// [`Fit::lanes`], and which met a limit; none where it takes the long way. `UNSIGNED` says
-    /// that no result is negative, and no word.
+    /// [`Fit::lanes`], and the lanes that a limit changed; none if it takes the slow path.
+    /// `UNSIGNED` promises that no result and no word is negative.
     #[inline(always)]
-    pub fn lanes_seen<const UNSIGNED: bool, L: Lanes>(&self, exact: L) -> Option<(L, u8)> {
+    pub fn lanes_limited<const UNSIGNED: bool, L: Lanes>(&self, exact: L) -> Option<(L, u8)> {
         if !self.simple {
             return None;
         }
@@ -386,27 +385,27 @@ impl Fit {
         Some((words, limited.signs()))
     }
 
-    /// [`Fit::words`], seen; none where it takes the long way.
+    /// [`Fit::words`], and the lanes that a limit changed; none if it takes the slow path.
     #[inline(always)]
-    pub fn words_seen<X: Exacts>(&self, exact: X) -> Option<Seen<X::Words>> {
+    pub fn words_limited<X: Exacts>(&self, exact: X) -> Option<LimitedWords<X::Words>> {
         if !(self.narrow && self.is_short()) {
             return None;
         }
-        Some(self.limit_seen((exact + X::splat(self.half)).cut(self.places as u32)))
+        Some(self.limit_reported((exact + X::splat(self.half)).cut(self.places as u32)))
     }
 
-    /// [`Fit::top`], seen; none where it takes the long way.
+    /// [`Fit::top`], and the lanes that a limit changed; none if it takes the slow path.
     #[inline(always)]
-    pub fn top_seen<X: Exacts>(&self, exact: X) -> Option<Seen<X::Words>> {
+    pub fn top_limited<X: Exacts>(&self, exact: X) -> Option<LimitedWords<X::Words>> {
         if !(self.deep && self.is_short()) {
             return None;
         }
-        Some(self.limit_seen((exact + X::splat(self.half)).cut_deep(self.places as u32)))
+        Some(self.limit_reported((exact + X::splat(self.half)).cut_deep(self.places as u32)))
     }
 
-    /// [`Fit::wide`], and which met a limit; none where it takes the long way.
+    /// [`Fit::wide`], and the lanes that a limit changed; none if it takes the slow path.
     #[inline(always)]
-    pub fn wide_seen<X: Exacts>(&self, exact: X) -> Option<(X, u8)> {
+    pub fn wide_limited<X: Exacts>(&self, exact: X) -> Option<(X, u8)> {
         if !self.simple {
             return None;
         }
@@ -415,9 +414,13 @@ impl Fit {
         Some((words, (cut.above(words) | words.above(cut)).signs()))
     }
 
-    /// [`Fit::words_shifted`], seen; none where it takes the long way.
+    /// [`Fit::words_shifted`], and the lanes that a limit changed; none if it takes the slow path.
     #[inline(always)]
-    pub fn shifted_seen<X: Exacts>(&self, exact: X, more: X::Words) -> Option<Seen<X::Words>> {
+    pub fn shifted_limited<X: Exacts>(
+        &self,
+        exact: X,
+        more: X::Words,
+    ) -> Option<LimitedWords<X::Words>> {
         if !self.is_short() {
             return None;
         }
@@ -425,19 +428,19 @@ impl Fit {
             .left(self.head)
             .cut_by(more + X::Words::splat(self.barrel))?;
         let round = X::Words::splat(i64::from(self.word.round == Rounding::Nearest));
-        Some(self.limit_seen((cut + round).right(1)))
+        Some(self.limit_reported((cut + round).right(1)))
     }
 
     #[inline(always)]
-    fn limit_seen<W: Words>(&self, cut: W) -> Seen<W> {
+    fn limit_reported<W: Words>(&self, cut: W) -> LimitedWords<W> {
         let words = cut.max(W::splat(self.min)).min(W::splat(self.max));
-        Seen {
+        LimitedWords {
             words,
             limited: !(cut - words).is_zero().signs(),
         }
     }
 
-    /// [`Fit::one`]; none where it meets a limit.
+    /// [`Fit::one`]; none if a limit changes it.
     #[inline(always)]
     pub fn one_within(&self, exact: i64) -> Option<i64> {
         if !self.simple {
@@ -447,7 +450,7 @@ impl Fit {
         (cut == cut.max(self.min).min(self.max)).then_some(cut)
     }
 
-    /// Three times [`Fit::one`]; none where one meets a limit.
+    /// [`Fit::one`] for three results; none if a limit changes one of them.
     #[inline(always)]
     pub fn three_within(&self, exact: [i64; 3]) -> Option<[i64; 3]> {
         if !self.simple {
@@ -457,7 +460,7 @@ impl Fit {
         self.is_range(cut).then_some(cut)
     }
 
-    /// Three times [`Fit::one_shifted`]; none where one meets a limit.
+    /// [`Fit::one_shifted`] for three results; none if a limit changes one of them.
     #[inline(always)]
     pub fn three_shifted_within(&self, exact: [i64; 3], more: i64) -> Option<[i64; 3]> {
         let places = self.places + more;
@@ -471,13 +474,13 @@ impl Fit {
         (is_held && self.is_range(words)).then_some(words)
     }
 
-    /// Whether the format has all of these.
+    /// Whether the format represents all three values.
     #[inline(always)]
     fn is_range(&self, [a, b, c]: [i64; 3]) -> bool {
         a.min(b).min(c) >= self.min && a.max(b).max(c) <= self.max
     }
 
-    /// [`Fit::one_shifted`]; none where it meets a limit.
+    /// [`Fit::one_shifted`]; none if a limit changes it.
     #[inline(always)]
     pub fn one_shifted_within(&self, exact: i64, more: i64) -> Option<i64> {
         let places = self.places + more;
@@ -490,33 +493,33 @@ impl Fit {
         (is_held && word == word.max(self.min).min(self.max)).then_some(word)
     }
 
-    /// Whether a result became its `word` without meeting a limit.
+    /// Whether no limit changed a result that became `word`.
     #[inline(always)]
     pub fn is_within(&self, exact: i64, more: i64, word: i64) -> bool {
-        // What was limited is a limit.
+        // A limited word equals a limit.
         if self.word.overflow == Overflow::Saturate && word != self.min && word != self.max {
             return true;
         }
         let places = self.places + more;
         let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
-        // Places are to the one side or to the other. A word that met its limit, shifted back, is
-        // another result, or loses bits by that.
+        // One of both shifts is 0. A word that a limit changed, shifted back, differs from the
+        // result or loses bits.
         self.cut(exact, right) == word >> left && word.trailing_zeros() >= left
     }
 
-    /// Plain, and its words have at most 31 bits: [`Seen`] can hold them.
+    /// Simple, and its words have at most 31 bits, so that [`LimitedWords`] can hold them.
     #[inline(always)]
     pub fn is_short(&self) -> bool {
         self.simple && self.word.format.width() < 32
     }
 
-    /// Whether a result loses bits below the word's last place.
+    /// Whether a result loses bits below the word's LSB.
     #[inline(always)]
     pub fn is_inexact(&self, exact: i64, more: i64) -> bool {
         exact.trailing_zeros() < (self.places + more).clamp(0, 63) as u32
     }
 
-    /// A result rounded to the word's last place, before its limits; the nearest that 64 bits hold.
+    /// A result rounded to the word's LSB, before its limits, saturated to 64 bits.
     pub fn before_limits(&self, exact: i64, more: i64) -> i64 {
         self.rounded(exact, more)
             .clamp(i64::MIN.into(), i64::MAX.into()) as i64
@@ -531,8 +534,7 @@ impl Fit {
         }
     }
 
-    /// Says what is lost when `exact`, with `more` fraction bits than was elaborated, becomes a
-    /// word.
+    /// Losses when `exact`, with `more` fraction bits than elaborated, becomes a word.
     pub fn loss(&self, exact: i64, more: i64) -> Loss {
         let rounded = self.rounded(exact, more);
         let inexact = self.is_inexact(exact, more);
@@ -588,9 +590,8 @@ impl Fit {
     }
 }
 
-/// The long way: every rounding, every overflow, shifts to the left. Of a copy, for a fit whose
-/// address is given away could be changed behind the compiler's back, which then would load its
-/// constants again and again.
+/// The slow path: every rounding, every overflow, left shifts. It takes a copy of the fit: after a
+/// reference escapes, the compiler would reload its constants in each iteration.
 #[cold]
 #[inline(never)]
 fn one_by_one(fit: Fit, mut exact: [i64; LANES], more: [i64; LANES]) -> [i64; LANES] {
@@ -600,8 +601,7 @@ fn one_by_one(fit: Fit, mut exact: [i64; LANES], more: [i64; LANES]) -> [i64; LA
     exact
 }
 
-/// Half of the last place that `right` dropped places leave: 63 of them leave nothing but a sign of
-/// the 62 bits that are held.
+/// Half an ulp after a right shift. A shift of 63 leaves only the sign of the 62 bits.
 #[inline(always)]
 fn half(right: u32) -> i64 {
     ((1u64 << right) >> 1) as i64

@@ -1,10 +1,10 @@
-//! Lanes: eight items side by side on one set of wires, so that a unit is written once, as for one
-//! item, and runs eight wide.
+//! Lanes: eight items in parallel on one set of wires. A unit is written once, as for one item, and
+//! runs on eight.
 //!
-//! Nothing here is hardware: it is how the simulator keeps a host's vector units busy. [`Plain`] is
-//! what every operation means; `kernels/host.rs` has the same eight lanes in vector registers.
-//! Every operation is exact; multiplier operands are words of at most 32 bits (elaboration sees to
-//! it), so a product never leaves 64.
+//! This is not hardware, but lets the simulator use the host's vector units. [`Plain`] defines
+//! every operation; `kernels/host.rs` has the same eight lanes in vector registers. Every operation
+//! is exact. Multiplier operands are words of at most 32 bits (elaboration checks it), so a product
+//! has at most 64.
 //!
 //! Law: `vector_lanes_equal_plain_lanes`.
 
@@ -12,7 +12,7 @@ use super::words::{PlainWords, Words};
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
-/// Items that travel together.
+/// Number of lanes.
 pub const LANES: usize = 8;
 
 /// One signal of eight items. A condition is a signal of words −1 (holds) and 0.
@@ -29,13 +29,13 @@ pub trait Lanes:
     /// Lanes of half the width.
     type Words: Words;
 
-    /// From one word a lane.
+    /// From one word per lane.
     fn from_array(words: [i64; LANES]) -> Self;
-    /// From one natural number a lane.
+    /// From one natural number per lane.
     fn from_bytes(bytes: [u8; LANES]) -> Self;
-    /// Eight words of each of eight items: each word of all items side by side.
+    /// Eight words of each of eight items, transposed: one result per word.
     fn transposed(items: &[[i32; LANES]; LANES]) -> [Self; LANES];
-    /// One word a lane.
+    /// One word per lane.
     fn to_array(self) -> [i64; LANES];
     /// The same word on every lane.
     fn splat(word: i64) -> Self;
@@ -45,7 +45,7 @@ pub trait Lanes:
     fn left(self, by: u32) -> Self;
     /// Each lane shifted right towards minus infinity by the same amount, 0 to 63.
     fn right(self, by: u32) -> Self;
-    /// Each lane, of which none is negative, shifted right by the same amount, 0 to 63.
+    /// Each lane shifted right by the same amount, 0 to 63. No lane may be negative.
     fn right_unsigned(self, by: u32) -> Self;
     /// The sum modulo 2^64, as registers wrap.
     fn wrapping_add(self, other: Self) -> Self;
@@ -55,8 +55,8 @@ pub trait Lanes:
     fn max(self, other: Self) -> Self;
     /// The lesser word of each lane.
     fn min(self, other: Self) -> Self;
-    /// The lesser low and the lesser high 32 bits of each lane, as naturals: of naturals below
-    /// 2^32, the lesser.
+    /// The smaller low and the smaller high 32 bits of each lane, as naturals. For naturals below
+    /// 2^32 this is the minimum.
     fn min_of_halves(self, other: Self) -> Self;
     /// Where `self` is greater.
     fn above(self, other: Self) -> Self;
@@ -64,16 +64,15 @@ pub trait Lanes:
     fn look_up(self, table: &[i64]) -> Self;
     /// The entries of a table of 2^n pairs of words at each lane's low n bits.
     fn look_up_pairs(self, table: &[[i64; 2]]) -> [Self; 2];
-    /// The signs of the lanes, bit by bit, the first lane in the last place.
+    /// The signs of the lanes as bits, the first lane in the LSB.
     fn signs(self) -> u8;
-    /// Which keys differ from a word by less than a limit, bit by bit, the first key in the last
-    /// place.
+    /// The keys that differ from a word by less than a limit, as bits, the first key in the LSB.
     fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32;
-    /// The key nearest to a word, the first of equals.
+    /// The index of the key nearest to a word, the first of several.
     fn nearest(keys: &[i32; LANES], word: i32) -> usize;
 
-    /// `sums + (words · factor + half >> right)`, between limits, in words of 32 bits, which hold
-    /// all of it. For whoever watches, the sums before their limits.
+    /// `sums + (words · factor + half >> right)`, limited, in words of 32 bits, which do not
+    /// overflow. Returns the sums before their limits for probes.
     fn add_product(
         sums: &mut [i32; LANES],
         words: &[i32; LANES],
@@ -83,9 +82,9 @@ pub trait Lanes:
         limits: [&[i32; LANES]; 2],
     ) -> Self::Words;
 
-    /// Says that an item will soon be read.
+    /// Prefetches an item that is about to be read.
     #[inline(always)]
-    fn soon<T>(_item: &T) {}
+    fn prefetch<T>(_item: &T) {}
 
     /// Whether any lane is negative.
     #[inline(always)]
@@ -94,10 +93,10 @@ pub trait Lanes:
     }
 }
 
-/// `[f(0), f(1), f(2)]`, written out.
+/// `[f(0), f(1), f(2)]`, unrolled.
 ///
-/// A closure of any size is compiled on its own, without the vector instructions that its caller
-/// may use (`kernels/host.rs`).
+/// Larger closures are compiled separately, without the vector instructions of their caller
+/// (`kernels/host.rs`).
 macro_rules! three {
     ($i:ident => $f:expr) => {
         [
@@ -117,7 +116,7 @@ macro_rules! three {
     };
 }
 
-/// `[f(0), f(1)]`, written out (see `three`).
+/// `[f(0), f(1)]`, unrolled (see `three`).
 macro_rules! two {
     ($i:ident => $f:expr) => {
         [
@@ -259,13 +258,13 @@ impl Lanes for Plain {
     }
 }
 
-/// How far two words are apart, if that is at most 2^31.
+/// Distance between two words; at most 2^31 is assumed.
 #[inline(always)]
 fn distance(a: i32, b: i32) -> u32 {
     a.wrapping_sub(b).unsigned_abs()
 }
 
-/// A condition of each lane as a word of eight bits.
+/// One bit per lane of a condition.
 #[inline(always)]
 fn bits(mask: [bool; LANES]) -> u8 {
     mask.into_iter()

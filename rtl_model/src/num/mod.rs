@@ -1,16 +1,15 @@
-//! Num: numbers as hardware holds them, a word of bits and a place for its binary point.
+//! Num: numbers as hardware stores them: words of bits with a binary point.
 //!
-//! A format is two numbers, the rest is derived. Sums, differences and products are exact and grow;
-//! bits are lost in one act only, [`Fit`], at a named signal. Searching for `fit` lists every place
+//! A format is two numbers; the rest is derived. Sums, differences and products are exact and grow.
+//! Only one operation, [`Fit`], loses bits, at a named signal. A search for `fit` lists every place
 //! where the machine loses bits.
 //!
 //! ```text
-//! I10F6   iiiiiiiiii.ffffff    signed, the sign is one of the ten        −512 … 512 − 2⁻⁶
-//! U3F13          iii.fffffffffffff                                          0 … 8 − 2⁻¹³
-//! U-2F14            .00ffffffffffff    fourteen places, the first two never there: 0 … ¼ − 2⁻¹⁴
+//! I10F6   iiiiiiiiii.ffffff    signed, the sign is one of the ten            −512 … 512 − 2⁻⁶
+//! U3F13          iii.fffffffffffff                                              0 … 8 − 2⁻¹³
+//! U-2F14            .00ffffffffffff    14 fraction bits, the first two always 0: 0 … ¼ − 2⁻¹⁴
 //! ```
-//! The notation is that of the crate `fixed`, which serves as an oracle in the tests and nowhere
-//! else.
+//! The notation is that of the crate `fixed`, which is used only as an oracle in tests.
 
 pub mod fit;
 pub mod lanes;
@@ -18,7 +17,7 @@ pub mod real;
 pub mod register;
 pub mod words;
 
-pub use fit::{Fit, Loss, Seen};
+pub use fit::{Fit, LimitedWords, Loss};
 pub use lanes::{LANES, Lanes};
 pub(crate) use lanes::{three, two};
 pub use register::Register;
@@ -31,7 +30,7 @@ use std::str::FromStr;
 
 /// Widest word that the model can hold, bits.
 pub const MAX_WIDTH_BITS: i32 = 48;
-/// Most fraction bits of a format.
+/// Greatest number of fraction bits of a format.
 pub const MAX_FRACTION_BITS: i32 = 62;
 
 /// A fixed-point format: `value = word · 2^−frac_bits`.
@@ -39,7 +38,7 @@ pub const MAX_FRACTION_BITS: i32 = 62;
 pub struct Format {
     /// Two's complement if set; the sign bit counts as one of `int_bits`.
     pub signed: bool,
-    /// Bits before the binary point; negative where the first places after it are never there.
+    /// Bits before the binary point; negative if the first bits after it are always 0.
     pub int_bits: i32,
     /// Bits after the binary point, 0 to [`MAX_FRACTION_BITS`].
     pub frac_bits: i32,
@@ -87,7 +86,7 @@ impl Format {
         }
     }
 
-    /// Bits of the greatest magnitude: what the word adds to a product's width.
+    /// Bits of the greatest magnitude, which a factor adds to the width of a product.
     pub const fn magnitude_bits(self) -> i32 {
         if self.signed {
             self.width() - 1
@@ -96,8 +95,8 @@ impl Format {
         }
     }
 
-    /// The format with these fraction bits whose integer bits are nearest and that a word of `most`
-    /// bits can have: what a misfit suggests.
+    /// The closest format with these fraction bits and at most `most` bits: the suggestion of an
+    /// elaboration error.
     pub fn within(self, most: i32) -> Format {
         let frac_bits = self.frac_bits.clamp(0, MAX_FRACTION_BITS);
         Format {
@@ -107,7 +106,7 @@ impl Format {
         }
     }
 
-    /// The word that stands for 1, if the format holds it.
+    /// The word that represents 1, if the format has one.
     pub const fn one(self) -> i64 {
         1 << self.frac_bits
     }
@@ -172,8 +171,8 @@ impl Format {
     }
 }
 
-/// The shape of an exact result: how far it reaches above and below the binary point. It grows, it
-/// never loses.
+/// The shape of an exact result: its bits above and below the binary point. Operations widen it and
+/// never lose bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exact {
     /// Bits that the magnitude needs before the binary point (may be negative).
@@ -201,7 +200,7 @@ impl Exact {
         }
     }
 
-    /// The shape of twice the value, in the same places.
+    /// The shape of twice the value, with the same bits.
     pub fn doubled(self) -> Exact {
         Exact {
             int_bits: self.int_bits + 1,
@@ -209,7 +208,7 @@ impl Exact {
         }
     }
 
-    /// The shape of the same value times 2^`places`, by wiring alone.
+    /// The shape of the value times 2^`places`, by wiring only.
     pub fn scaled(self, places: i32) -> Exact {
         Exact {
             int_bits: self.int_bits + places,
@@ -244,7 +243,7 @@ pub fn align<const N: usize>(frac_bits: [i32; N]) -> [u32; N] {
     frac_bits.map(|bits| (finest - bits).clamp(0, 62) as u32)
 }
 
-/// Rounding: what becomes of the bits below a format's last place.
+/// Rounding: treatment of the bits below a format's LSB.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rounding {
@@ -257,27 +256,27 @@ pub enum Rounding {
     NearestEven,
 }
 
-/// Overflow: what becomes of a value outside a format's range.
+/// Overflow: treatment of a value outside a format's range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Overflow {
     /// The nearest word in range.
     #[default]
     Saturate,
-    /// The low bits, as an adder without a guard leaves them.
+    /// The low bits, as in an adder without guard bits.
     Wrap,
 }
 
-/// A signal's word: its format and what is done with what does not fit.
+/// A signal's word: its format, rounding and overflow.
 ///
 /// In JSON either `"U3F13"` or `{"format": "U3F13", "round": "truncate", "overflow": "wrap"}`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Word {
-    /// Where the bits are.
+    /// Position of the bits.
     pub format: Format,
-    /// Below the last place.
+    /// Treatment below the LSB.
     pub round: Rounding,
-    /// Beyond the range.
+    /// Treatment beyond the range.
     pub overflow: Overflow,
 }
 
@@ -291,12 +290,12 @@ impl Word {
         }
     }
 
-    /// The same word, rounded otherwise.
+    /// The same word with another rounding.
     pub const fn rounded(self, round: Rounding) -> Self {
         Word { round, ..self }
     }
 
-    /// The same word, overflowing otherwise.
+    /// The same word with another overflow.
     pub const fn overflowing(self, overflow: Overflow) -> Self {
         Word { overflow, ..self }
     }
@@ -308,7 +307,7 @@ impl fmt::Display for Word {
     }
 }
 
-/// The two ways in which JSON may write a [`Word`].
+/// The two JSON notations of a [`Word`].
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum WordText {

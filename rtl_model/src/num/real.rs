@@ -1,16 +1,16 @@
-//! Real numbers beside words: powers of two, and what a rounding may lose.
+//! Real numbers of words: powers of two, and bounds of rounding errors.
 
 use super::{Format, Rounding};
 
 impl Format {
-    /// Value that a word stands for, for human eyes and for the bench; no unit calls this.
+    /// Value of a word, for display and for the bench; units do not call this.
     #[inline]
     pub fn value(self, word: i64) -> f64 {
         word as f64 * power_of_two(-self.frac_bits)
     }
 }
 
-/// 2^exponent, quickly where it is a normal number.
+/// 2^exponent, fast for normal numbers.
 #[inline]
 pub fn power_of_two(exponent: i32) -> f64 {
     if (-1022..=1023).contains(&exponent) {
@@ -20,14 +20,14 @@ pub fn power_of_two(exponent: i32) -> f64 {
     }
 }
 
-/// ⌊log2 x⌋ of a positive number; of 0 the exponent of the least normal one.
+/// ⌊log2 x⌋ of a positive number; for 0 the exponent of the least normal number.
 #[inline]
 pub fn floor_log2(x: f64) -> i32 {
     ((x.to_bits() >> 52) & 0x7ff) as i32 - 1023
 }
 
-/// Last places that a rounding may take away and add: half a place each, or a whole one, downwards,
-/// where it cuts.
+/// Greatest error downwards and upwards, in ulp: half an ulp each, or a whole one downwards for
+/// truncation.
 #[inline]
 pub fn loss(round: Rounding) -> [f64; 2] {
     if round == Rounding::Truncate {

@@ -1,8 +1,8 @@
-//! Register: a word that is added to again and again, with an adder as wide as itself that wraps.
+//! Register: an accumulator whose adder has the width of its word and wraps.
 //!
-//! The word is kept at the top of a 64-bit host word, so that the host's own wrapping is the
-//! register's. Its adds are exact modulo 2^width: a sum reached step by step equals the same sum in
-//! closed form, which is what lets the simulator enter a row in the middle.
+//! The word is at the top of a 64-bit host word, so that the host's wrapping is that of the
+//! register. Additions are exact modulo 2^width. A sum reached step by step therefore equals the
+//! closed form, and the simulator can start in the middle of a row.
 //!
 //! Law: `stepping_equals_the_closed_form` (unit `raster`).
 
@@ -14,8 +14,8 @@ pub struct Register {
     unused: u32,
 }
 
-/// The contents of a [`Register`], at the top of a host word.
-pub type Held = i64;
+/// Bits of a [`Register`], at the top of a host word.
+pub type RegisterBits = i64;
 
 impl Register {
     /// A register that holds `word`.
@@ -25,9 +25,9 @@ impl Register {
         }
     }
 
-    /// Loads a value that lacks so many of the register's fraction bits.
+    /// Loads a value with `places` fraction bits less than the register.
     #[inline(always)]
-    pub fn load(self, value: i64, places: u32) -> Held {
+    pub fn load(self, value: i64, places: u32) -> RegisterBits {
         value << places << self.unused
     }
 
@@ -37,27 +37,27 @@ impl Register {
         values.left(places).left(self.unused)
     }
 
-    /// Holds eight words that may have more bits than the register: it wraps.
+    /// Stores eight words, which wrap to the width of the register.
     #[inline(always)]
     pub fn hold<L: Lanes>(self, words: L) -> L {
         words.left(self.unused)
     }
 
-    /// The words that eight registers hold.
+    /// The words of eight registers.
     #[inline(always)]
     pub fn read_lanes<L: Lanes>(self, held: L) -> L {
         held.right(self.unused)
     }
 
-    /// [`Register::read_lanes`] where none is negative.
+    /// [`Register::read_lanes`] for registers that are not negative.
     #[inline(always)]
     pub fn read_unsigned<L: Lanes>(self, held: L) -> L {
         held.right_unsigned(self.unused)
     }
 
-    /// The word that is held.
+    /// The word of the register.
     #[inline(always)]
-    pub fn read(self, held: Held) -> i64 {
+    pub fn read(self, held: RegisterBits) -> i64 {
         held >> self.unused
     }
 }

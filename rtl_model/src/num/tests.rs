@@ -12,7 +12,7 @@ pub fn formats(width: std::ops::RangeInclusive<i32>) -> impl Strategy<Value = Fo
     })
 }
 
-/// A word of a format: its extremes as often as anything between.
+/// A word of a format; its extremes are as frequent as all other words.
 pub fn word_of(format: Format, pick: u64) -> i64 {
     let any = ((pick >> 3) as i64).rem_euclid(1 << format.width()) + format.min();
     match pick & 7 {
@@ -44,7 +44,7 @@ fn every_valid_format_reads_back_what_it_writes() {
 }
 
 #[test]
-fn negative_integer_bits_are_places_that_are_never_there() {
+fn negative_integer_bits_omit_the_first_fraction_bits() {
     let format: Format = "U-2F14".parse().unwrap();
     assert_eq!((format.width(), format.min(), format.max()), (12, 0, 4095));
     assert_eq!(format.value(4096), 0.25);
@@ -85,7 +85,7 @@ fn formats_that_cannot_be_built_are_refused_in_a_sentence() {
 }
 
 #[test]
-fn what_is_no_format_is_refused_with_an_example() {
+fn text_that_is_not_a_format_is_refused_with_an_example() {
     for text in [
         "", "I1", "F3", "U3", "u3f13", "u3F13", "i3F13", "U3f13", "i10F6", "3F13", "UF", "U3F",
         "UF3", "Ü3F1", "U３F1", "U3F1é", "€", " U3F13", "U3F13 ",
@@ -139,18 +139,18 @@ fn a_word_reads_back_in_both_of_its_spellings() {
     );
 }
 
-/// `value · 2^(frac_bits)` of a word that has fewer places.
+/// `value · 2^(frac_bits)` of a word with fewer fraction bits.
 fn aligned(word: i64, from: i32, to: i32) -> i128 {
     i128::from(word) << (to - from)
 }
 
 proptest! {
     #[test]
-    fn text_is_never_a_panic(text in "[UIui]?-?[0-9]{0,6}F?-?[0-9]{0,6}\\PC{0,2}") {
+    fn no_text_makes_a_format_panic(text in "[UIui]?-?[0-9]{0,6}F?-?[0-9]{0,6}\\PC{0,2}") {
         let _ = text.parse::<Format>();
     }
 
-    /// Magnitudes up to and with 2^bits: the least signed word reaches it.
+    /// Magnitudes up to and including 2^bits, which the least signed word reaches.
     #[test]
     fn an_exact_shape_holds_every_result(a in formats(1..=31), b in formats(1..=31), picks in any::<[u64; 2]>()) {
         let [x, y] = [word_of(a, picks[0]), word_of(b, picks[1])];

@@ -1,10 +1,10 @@
-//! Words: eight words of at most 32 bits side by side, and the exact results that they make.
+//! Words: eight words of at most 32 bits in parallel, and their exact results.
 //!
-//! Ports and multiplier operands are such words (elaboration sees to it). A product of two
-//! [`Words`] is [`Exacts`], of at most 62 bits; a fit leads back. Nothing here is hardware: it is
-//! how the simulator keeps a host's vector units busy, at half the width of [`super::Lanes`].
-//! [`PlainWords`] and [`Plain`] are what every operation means; `kernels/host.rs` has the same in
-//! vector registers.
+//! Ports and multiplier operands are such words (elaboration checks it). A product of two [`Words`]
+//! is [`Exacts`], of at most 62 bits; a fit turns it into words again. This is not hardware, but
+//! lets the simulator use the host's vector units, with half the width of [`super::Lanes`].
+//! [`PlainWords`] and [`Plain`] define every operation; `kernels/host.rs` has the same in vector
+//! registers.
 //!
 //! Law: `vector_words_equal_plain_words`.
 
@@ -28,11 +28,11 @@ pub trait Words:
     /// Exact results of such words.
     type Exact: Exacts<Words = Self>;
 
-    /// From one word a lane.
+    /// From one word per lane.
     fn from_array(words: [i32; LANES]) -> Self;
-    /// From one natural number a lane.
+    /// From one natural number per lane.
     fn from_bytes(bytes: [u8; LANES]) -> Self;
-    /// One word a lane.
+    /// One word per lane.
     fn to_array(self) -> [i32; LANES];
     /// The same word, of at most 32 bits, on every lane.
     fn splat(word: i64) -> Self;
@@ -52,9 +52,9 @@ pub trait Words:
     fn where_else(self, condition: Self, other: Self) -> Self;
     /// Where a lane is 0.
     fn is_zero(self) -> Self;
-    /// Magnitude of each lane, of which none is −2^31.
+    /// Magnitude of each lane. No lane may be −2^31.
     fn abs(self) -> Self;
-    /// The product of each lane where it is a word of 32 bits.
+    /// The product of each lane, which must be a word of 32 bits.
     fn times(self, other: Self) -> Self;
     /// The sum modulo 2^32.
     fn wrapping_add(self, other: Self) -> Self;
@@ -64,9 +64,9 @@ pub trait Words:
     fn look_up(self, table: &[i32]) -> Self;
     /// The entries of a table of 2^n pairs of words at each lane's low n bits.
     fn look_up_pairs(self, table: &[[i32; 2]]) -> [Self; 2];
-    /// The signs of the lanes, bit by bit, the first lane in the last place: a condition as bits.
+    /// The signs of the lanes as bits, the first lane in the LSB: a condition as bits.
     fn signs(self) -> u8;
-    /// Each lane's word from the lane whose number it has there, 0 to 7.
+    /// Permutation: each lane gets the word of the lane with the index in `lanes`, 0 to 7.
     fn pick(self, lanes: Self) -> Self;
     /// Rows to columns: from eight items' words to eight signals, or back.
     fn transposed(rows: [Self; LANES]) -> [Self; LANES];
@@ -85,28 +85,27 @@ pub trait Words:
         Self::splat(1).above(self)
     }
 
-    /// A condition's opposite.
+    /// The negated condition.
     #[inline(always)]
     fn not(self) -> Self {
         Self::splat(-1) - self
     }
 }
 
-/// Exact results of eight items: sums and products of [`Words`], of at most 62 bits, before they
-/// are fitted.
+/// Exact results of eight items: sums and products of [`Words`], of at most 62 bits, before a fit.
 pub trait Exacts:
     Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self> + BitOr<Output = Self>
 {
-    /// The words that they are made of and become.
+    /// Their operands, and the words that a fit turns them into.
     type Words: Words<Exact = Self>;
 
-    /// From one result a lane.
+    /// From one result per lane.
     fn from_array(words: [i64; LANES]) -> Self;
-    /// One result a lane.
+    /// One result per lane.
     fn to_array(self) -> [i64; LANES];
-    /// From those of the lanes of even number, then those of the others, as products of words come.
+    /// From the even lanes, then the odd lanes: the order of products of words.
     fn from_evens_first(words: [i64; LANES]) -> Self;
-    /// In that order.
+    /// The even lanes, then the odd lanes.
     fn to_evens_first(self) -> [i64; LANES];
     /// The same result on every lane.
     fn splat(word: i64) -> Self;
@@ -124,16 +123,16 @@ pub trait Exacts:
     fn above(self, other: Self) -> Self::Words;
     /// Magnitude of each lane.
     fn abs(self) -> Self;
-    /// Leading zeros of each lane, of which all are positive.
+    /// Leading zeros of each lane. All lanes must be positive.
     fn leading_zeros(self) -> Self::Words;
     /// The low 32 bits of each lane.
     fn low(self) -> Self::Words;
     /// The low 32 bits of each lane shifted right by the same amount, 0 to 31.
     fn cut(self, by: u32) -> Self::Words;
-    /// Each lane shifted right by the same amount, 32 to 63, which leaves a word.
+    /// Each lane shifted right by the same amount, 32 to 63, after which it is a word.
     fn cut_deep(self, by: u32) -> Self::Words;
-    /// Each lane shifted right by its own amount: if all are 0 to 63 and every lane then is a word
-    /// of 31 bits.
+    /// Each lane shifted right by its own amount; none unless all amounts are 0 to 63 and all
+    /// results are words of 31 bits.
     fn cut_by(self, by: Self::Words) -> Option<Self::Words>;
 }
 

@@ -94,7 +94,7 @@ impl Blender {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::host::{Plainly, Vectorised};
+    use crate::kernels::host::{Unvectorised, Vectorised};
     use crate::machine::Machine;
     use crate::probe::{NoProbe, Ranges, Tap};
     use proptest::prelude::*;
@@ -125,9 +125,9 @@ mod tests {
             };
             let blender = &mut Blender::new(&machine.resolve);
             let mut together = Ranges::new(machine.signals.len());
-            prop_assert_eq!(&blended(blender.blend(Plainly, &machine.resolve, &layers, background, &mut together)), &words);
+            prop_assert_eq!(&blended(blender.blend(Unvectorised, &machine.resolve, &layers, background, &mut together)), &words);
             prop_assert_eq!(format!("{together:?}"), format!("{alone:?}"));
-            if let Some(host) = Vectorised::there() {
+            if let Some(host) = Vectorised::detect() {
                 // Rows that were used before.
                 prop_assert_eq!(&blended(blender.blend(host, &machine.resolve, &layers, background, &mut NoProbe)), &words);
             }

@@ -7,8 +7,8 @@ use super::shading::{ShadeEight, input_of, layer_of, lit_layer, shade_for_merge,
 use super::{Drawing, Elaborated, Setup, SetupRecord};
 use crate::frame::{Each, Frame};
 use crate::graph;
-use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
-use crate::kernels::{Accumulator, Path, Queue, Queued, Short as ShortWeigh, Tile, Weigh};
+use crate::kernels::host::{Host, Kernel, Unvectorised, Vectorised, unvectorised};
+use crate::kernels::{Accumulator, PackedTile, Path, Queue, Queued, Short as ShortWeigh, Weigh};
 use crate::num::fit::Natural;
 use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Probe, Ranges, Tap};
@@ -31,8 +31,8 @@ pub fn fill<P: Probe>(
     setup: &Setup,
     probe: &mut P,
 ) -> Drawing {
-    let (true, Some(host)) = (P::QUICK, Vectorised::there()) else {
-        return fill_as::<false, i64, P, _>(Plainly, machine, frame, setup, probe);
+    let (true, Some(host)) = (P::QUICK, Vectorised::detect()) else {
+        return fill_as::<false, i64, P, _>(Unvectorised, machine, frame, setup, probe);
     };
     // The common case has its own compiled path; each path is compiled once per probe.
     let simple = machine.gauss.kernel().is_simple() && machine.fragment.is_simple();
@@ -85,7 +85,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
     // One tile's fragments and one probe per run of tiles that a thread takes.
     let clusters = || windows.as_ref().map(|_| Clusters::default());
     let start = || Run {
-        tile: Box::<Tile<L>>::default(),
+        tile: Box::<PackedTile<L>>::default(),
         queue: Box::default(),
         resolve: Blender::new(&machine.resolve),
         clusters: clusters(),
@@ -176,7 +176,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
 
 /// Tiles drawn one after the other.
 struct Run<L, P> {
-    tile: Box<Tile<L>>,
+    tile: Box<PackedTile<L>>,
     queue: Box<Queue>,
     resolve: Blender,
     /// Slots of windows.
@@ -338,7 +338,7 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     host: H,
     shared: Shared<'a>,
     part: TileEntries<'a>,
-    tile: &'a mut Tile<L>,
+    tile: &'a mut PackedTile<L>,
     queue: &'a mut Queue,
     resolve: &'a mut Blender,
     waiting: Waiting,
@@ -356,8 +356,8 @@ fn resample_tile(shared: Shared, part: TileEntries, probe: &mut Ranges) {
         is_lit_by_eight: false,
         ..shared
     };
-    plainly(FillTile::<false, Plainly, i64, Ranges> {
-        host: Plainly,
+    unvectorised(FillTile::<false, Unvectorised, i64, Ranges> {
+        host: Unvectorised,
         shared,
         part,
         tile,
@@ -399,10 +399,10 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel
             later = later.get(Self::AT_A_TIME..).unwrap_or_default();
             let (next, after) = later.split_at(later.len().min(Self::AT_A_TIME));
             for record in next {
-                AnyLanes::soon(&frame.splats[record.splat as usize].rgb);
+                AnyLanes::prefetch(&frame.splats[record.splat as usize].rgb);
             }
             for &record in &after[..after.len().min(Self::AT_A_TIME)] {
-                AnyLanes::soon(record);
+                AnyLanes::prefetch(record);
             }
             self.splats::<AnyLanes>(
                 units,
@@ -977,7 +977,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
 fn to_window<L: Accumulator, P: Probe>(
     machine: &Elaborated,
     shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
-    (tile, slots): (&mut Tile<L>, &mut [Cluster; MAX_LAYERS + 1]),
+    (tile, slots): (&mut PackedTile<L>, &mut [Cluster; MAX_LAYERS + 1]),
     pixel: u8,
     input: &window::Input,
     registers: &WindowRegisters,
@@ -997,7 +997,7 @@ fn to_window<L: Accumulator, P: Probe>(
 /// One contribution to a sheet.
 struct ToSheet<'a, 'p, const SIMPLE_FITS: bool, L, P> {
     machine: &'a Elaborated,
-    tile: &'a mut Tile<L>,
+    tile: &'a mut PackedTile<L>,
     pixel: u8,
     weight: i64,
     drawn: &'a DrawnSplat<'a>,

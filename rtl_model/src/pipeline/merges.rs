@@ -7,7 +7,7 @@
 use super::fill::{Shared, TileEntries};
 use super::shading::{ShadeEight, input_of, shade_for_merge};
 use crate::kernels::host::Host;
-use crate::kernels::{Accumulator, NO_MATCH, PackedSlot, Tile};
+use crate::kernels::{Accumulator, NO_MATCH, PackedSlot, PackedTile};
 use crate::num::LANES;
 use crate::probe::{Probe, Tap};
 use crate::records::{Premultiplied, Slot};
@@ -49,7 +49,7 @@ impl<H: Host> Merges<'_, H> {
     }
 
     /// Shades and merges all queued pairs.
-    pub fn end<A: Accumulator, P: Probe>(&mut self, tile: &mut Tile<A>, probe: &mut P) {
+    pub fn end<A: Accumulator, P: Probe>(&mut self, tile: &mut PackedTile<A>, probe: &mut P) {
         if self.waiting.len > 0 {
             self.shade(&self.shared.machine.fragment, tile, probe);
         }
@@ -59,7 +59,7 @@ impl<H: Host> Merges<'_, H> {
     fn shade<A: Accumulator, P: Probe>(
         &mut self,
         unit: &Fragment,
-        tile: &mut Tile<A>,
+        tile: &mut PackedTile<A>,
         probe: &mut P,
     ) {
         let Waiting {
@@ -111,7 +111,7 @@ impl<H: Host> Merges<'_, H> {
 }
 
 impl<A: Accumulator, H: Host, P: Probe> Merging<A, P> for Merges<'_, H> {
-    fn settle(&mut self, unit: &Fragment, tile: &mut Tile<A>, pixel: u8, probe: &mut P) {
+    fn settle(&mut self, unit: &Fragment, tile: &mut PackedTile<A>, pixel: u8, probe: &mut P) {
         if self.waiting.pixels[usize::from(pixel) / 64] & 1 << (pixel % 64) != 0 {
             self.shade(unit, tile, probe);
         }
@@ -120,7 +120,7 @@ impl<A: Accumulator, H: Host, P: Probe> Merging<A, P> for Merges<'_, H> {
     fn merge(
         &mut self,
         unit: &Fragment,
-        tile: &mut Tile<A>,
+        tile: &mut PackedTile<A>,
         at: (u8, usize),
         pair: &[Slot; 2],
         probe: &mut P,

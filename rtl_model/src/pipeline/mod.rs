@@ -28,7 +28,7 @@ pub use reach::Reach;
 pub use set_up::{Setup, SetupRecord, set_up};
 
 use crate::frame::Frame;
-use crate::kernels::host::{Kernel, plainly, vectorised};
+use crate::kernels::host::{Kernel, unvectorised, vectorised};
 use crate::probe::{Composite, DynProbe, NoProbe, Observer, Probe, Ranges};
 use crate::records::Outcomes;
 use crate::work::Work;
@@ -169,6 +169,6 @@ fn run<P: Probe, K: Kernel>(kernel: K) -> K::Output {
     if P::QUICK {
         vectorised(kernel)
     } else {
-        plainly(kernel)
+        unvectorised(kernel)
     }
 }

@@ -216,7 +216,7 @@ fn set_up_block<P: Probe>(
     if is_disc
         && !P::WORDS
         && !P::TRANSFERS
-        && let Some(host) = Vectorised::there()
+        && let Some(host) = Vectorised::detect()
     {
         host.run(SetUpDiscs {
             machine,

@@ -10,7 +10,7 @@ use super::Elaborated;
 use super::set_up::{ellipse_words, projected_words};
 use super::shading::{emitted, emitting};
 use crate::frame::{self, Each, Frame, View};
-use crate::kernels::{Path, Tile};
+use crate::kernels::{PackedTile, Path};
 use crate::num::lanes::Plain;
 use crate::num::{LANES, Lanes};
 use crate::probe::{Observer, Probe, Tap};
@@ -303,7 +303,7 @@ pub fn resolve(
 pub struct Fragments<'a> {
     machine: &'a Elaborated,
     frame: &'a Frame,
-    tile: Box<Tile<i64>>,
+    tile: Box<PackedTile<i64>>,
 }
 
 impl<'a> Fragments<'a> {
@@ -401,7 +401,7 @@ impl<'a> Fragments<'a> {
 pub struct Sheets<'a> {
     machine: &'a Elaborated,
     registers: SheetRegisters<'a>,
-    tile: Box<Tile<i64>>,
+    tile: Box<PackedTile<i64>>,
 }
 
 impl<'a> Sheets<'a> {

@@ -1,7 +1,8 @@
-//! Composite: [`Meters`] and a [`Recorder`] on one frame, so that ranges and work take one drawing.
+//! Composite: [`Meters`] and a [`Recorder`] in one probe, so that ranges and work need only one
+//! drawing.
 
 use super::{Meters, Probe, Ranges};
-use crate::num::{Fit, LANES, Seen, Words};
+use crate::num::{Fit, LANES, LimitedWords, Words};
 use crate::records::{Decision, Signal};
 use crate::work::{CULLED, Recorder, Work};
 use std::ops::Range;
@@ -47,7 +48,7 @@ impl Probe for Composite {
         Probe::absorb(&mut self.recorder, fork.recorder);
     }
 
-    // Words are the meters'.
+    // Words go to the meters.
 
     #[inline(always)]
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
@@ -65,8 +66,8 @@ impl Probe for Composite {
     }
 
     #[inline(always)]
-    fn eight<W: Words>(&mut self, signal: usize, seen: Seen<W>, live: u8) {
-        self.meters.eight(signal, seen, live);
+    fn eight<W: Words>(&mut self, signal: usize, fitted: LimitedWords<W>, live: u8) {
+        self.meters.eight(signal, fitted, live);
     }
 
     #[inline(always)]
@@ -80,8 +81,8 @@ impl Probe for Composite {
     }
 
     #[inline(always)]
-    fn sums<W: Words>(&mut self, seen: Seen<W>) {
-        self.meters.sums(seen);
+    fn sums<W: Words>(&mut self, fitted: LimitedWords<W>) {
+        self.meters.sums(fitted);
     }
 
     fn wrapped(&mut self, signal: usize) {
@@ -103,12 +104,12 @@ impl Probe for Composite {
         &mut self,
         items: Range<usize>,
         of: usize,
-        again: impl FnMut(usize, &mut Ranges),
+        repeat: impl FnMut(usize, &mut Ranges),
     ) {
-        self.meters.resample_batch(items, of, again);
+        self.meters.resample_batch(items, of, repeat);
     }
 
-    // Work is the recorder's.
+    // Work goes to the recorder.
 
     fn culled(&mut self, first: u32, lanes: [u8; CULLED.len()]) {
         Probe::culled(&mut self.recorder, first, lanes);

@@ -1,30 +1,30 @@
-//! Meters: what [`Ranges`] say, with all words measured eight at a time and a sample of them
-//! counted one by one.
+//! Meters: measures the [`Ranges`] of all words eight at a time, and counts a sample of them one by
+//! one.
 //!
 //! ```text
 //! all words ─►[ least, greatest, every bit set ]──────────────┐
-//!     └► some met a limit ──┬─►( the item of work again )─►[ Ranges ]─► saturated, wrapped
+//!     └► some limited ──────┬─►( item of work repeated )─►[ Ranges ]─► saturated, wrapped
 //! every n-th item of work ──┘                           └─►[ Ranges ]─► words, inexact, bins
 //! ```
-//! Of words that come alone a few that met a limit are kept: for them alone nothing is done again.
-//! An item of work is eight splats in setup, a tile in what follows. Extremes and limits are those
-//! of all words; counts are those of a sample that does not depend on threads: all items where they
-//! are few, one in [`MOST_APART`] where they are many.
+//! If single words are limited, a few of them are kept, so that their item is not repeated. An item
+//! of work is eight splats in setup, a tile elsewhere. Extremes and limits are those of all words.
+//! Counts are those of a sample that does not depend on threads: all items if they are few, at
+//! least one in [`MOST_APART`] if they are many.
 //!
 //! Laws: `meters_equal_counted_ranges`, `a_sample_is_spread_evenly`.
 
 use super::ranges::{Range, Ranges};
-use super::{Probe, Seen};
+use super::{LimitedWords, Probe};
 use crate::num::{Fit, LANES, Words};
 use crate::records::{SUM_SIGNALS, Signal, unit};
 
-/// Items in the sample, if there are as many and not too many more.
+/// Size up to which all items are in the sample.
 const FEW: usize = 12;
-/// The sample is no thinner than one item in this many.
+/// The sample has at least one of this many items.
 pub const MOST_APART: usize = 256;
 
-/// Whether an item, of so many, belongs to the sample: every n-th, but by steps of the golden
-/// ratio, which no width of a picture divides.
+/// Whether an item, out of `of`, belongs to the sample: a fraction of them, by steps of the golden
+/// ratio, to which no picture width is related.
 fn is_sampled(item: usize, of: usize) -> bool {
     let apart = (of / FEW).clamp(1, MOST_APART) as u32;
     (item as u32).wrapping_mul(0x9E37_79B9) <= u32::MAX / apart
@@ -50,7 +50,7 @@ impl Default for Extremes {
 
 impl Extremes {
     #[inline(always)]
-    fn see<W: Words>(&mut self, words: W) {
+    fn add<W: Words>(&mut self, words: W) {
         self.min = W::from_array(self.min).min(words).to_array();
         self.max = W::from_array(self.max).max(words).to_array();
         self.any = (W::from_array(self.any) | words).to_array();
@@ -64,31 +64,30 @@ impl Extremes {
         }
     }
 
-    /// Tells a range what a lane saw.
-    fn tell(&self, lane: usize, range: &mut Range) {
-        Alone::of(
+    fn add_to(&self, lane: usize, range: &mut Range) {
+        SingleExtremes::of(
             self.min[lane].into(),
             self.max[lane].into(),
             self.any[lane].into(),
         )
-        .tell(range);
+        .add_to(range);
     }
 }
 
-/// The same of words that came alone.
+/// Extremes of single words.
 #[derive(Clone, Copy, Debug)]
-struct Alone {
+struct SingleExtremes {
     min: i64,
     max: i64,
-    /// From the least to the greatest.
+    /// Distance from the least to the greatest word.
     span: u64,
     any: i64,
 }
 
-impl Default for Alone {
-    /// Every word but that of the least, which no signal has, lies out of the span.
+impl Default for SingleExtremes {
+    /// Every word except `i64::MAX`, which no signal has, is outside the span.
     fn default() -> Self {
-        Alone {
+        SingleExtremes {
             min: i64::MAX,
             max: i64::MIN,
             span: 0,
@@ -97,30 +96,30 @@ impl Default for Alone {
     }
 }
 
-impl Alone {
-    /// With its least above its greatest it has seen nothing.
+impl SingleExtremes {
+    /// Without words, the minimum is above the maximum.
     fn of(min: i64, max: i64, any: i64) -> Self {
         if min <= max {
-            Alone {
+            SingleExtremes {
                 min,
                 max,
                 span: max.wrapping_sub(min) as u64,
                 any,
             }
         } else {
-            Alone::default()
+            SingleExtremes::default()
         }
     }
 
     #[inline(always)]
-    fn see(&mut self, word: i64) {
+    fn add(&mut self, word: i64) {
         self.any |= word;
         if word.wrapping_sub(self.min) as u64 > self.span {
             self.widen(word, word);
         }
     }
 
-    /// Becomes rare.
+    /// Called rarely.
     #[cold]
     #[inline(never)]
     fn widen(&mut self, min: i64, max: i64) {
@@ -128,15 +127,15 @@ impl Alone {
         self.span = self.max.wrapping_sub(self.min) as u64;
     }
 
-    fn absorb(&mut self, other: &Alone) {
+    fn absorb(&mut self, other: &SingleExtremes) {
         if other.min <= other.max {
             self.widen(other.min, other.max);
             self.any |= other.any;
         }
     }
 
-    /// What saw nothing has its least above its greatest.
-    fn tell(&self, range: &mut Range) {
+    /// Without words, the minimum is above the maximum.
+    fn add_to(&self, range: &mut Range) {
         if self.min <= self.max {
             range.min = range.min.min(self.min);
             range.max = range.max.max(self.max);
@@ -147,17 +146,17 @@ impl Alone {
     }
 }
 
-/// The same of eight lanes of more than 32 bits.
+/// Extremes of eight lanes of more than 32 bits.
 #[derive(Clone, Debug)]
-struct Wide {
+struct WideExtremes {
     min: [i64; LANES],
     max: [i64; LANES],
     any: [i64; LANES],
 }
 
-impl Default for Wide {
+impl Default for WideExtremes {
     fn default() -> Self {
-        Wide {
+        WideExtremes {
             min: [i64::MAX; LANES],
             max: [i64::MIN; LANES],
             any: [0; LANES],
@@ -165,9 +164,9 @@ impl Default for Wide {
     }
 }
 
-impl Wide {
+impl WideExtremes {
     #[inline(always)]
-    fn see(&mut self, words: [i64; LANES]) {
+    fn add(&mut self, words: [i64; LANES]) {
         for (lane, word) in words.into_iter().enumerate() {
             self.min[lane] = self.min[lane].min(word);
             self.max[lane] = self.max[lane].max(word);
@@ -175,37 +174,37 @@ impl Wide {
         }
     }
 
-    fn lanes(&self) -> impl Iterator<Item = Alone> {
-        (0..LANES).map(|lane| Alone::of(self.min[lane], self.max[lane], self.any[lane]))
+    fn lanes(&self) -> impl Iterator<Item = SingleExtremes> {
+        (0..LANES).map(|lane| SingleExtremes::of(self.min[lane], self.max[lane], self.any[lane]))
     }
 }
 
-/// A word that met a limit alone: of which item, its fit, its exact result and that one's
-/// additional fraction bits, the word.
+/// A limited single word: bit of its item, fit, exact result, additional fraction bits of the
+/// result, word.
 type Limited = (u64, Fit, i64, i64, i64);
 
-/// Most of them that are kept of an item of work: with more it is resampled.
+/// Greatest number of them kept per item of work; with more, the item is resampled.
 const KEPT: usize = 64;
 
-/// Watches the range of every signal.
+/// Measures the range of every signal.
 #[derive(Clone, Debug)]
 pub struct Meters {
-    /// By signal: words of eight at a time, of up to 32 bits and of more; words that came alone;
-    /// what registers were to hold on their way.
-    together: Vec<Extremes>,
-    wide: Vec<Wide>,
-    alone: Vec<Alone>,
-    way: Vec<Alone>,
-    /// The sums of a fragment: every lane is a signal of its own.
+    /// Per signal: words in groups of eight, of up to 32 bits and of more; single words; values
+    /// that passed through registers.
+    grouped: Vec<Extremes>,
+    wide: Vec<WideExtremes>,
+    single: Vec<SingleExtremes>,
+    passed: Vec<SingleExtremes>,
+    /// The sums of a fragment: every lane is another signal.
     sums: Extremes,
     /// Signals of the lanes of `sums`.
     sum_signals: [usize; LANES],
-    /// The item of a batch whose words come, a bit each.
+    /// Bit of the current item in a batch.
     item: u64,
-    /// Items of which a word met a limit, of those that came with others; words that came alone.
+    /// Items with a limited word in a group of eight; limited single words.
     is_limited: u64,
     limited: Vec<Limited>,
-    /// Items of the sample, word by word, and other items where a word met a limit.
+    /// Sampled items, word by word, and other items with a limited word.
     resampled: [Ranges; 2],
 }
 
@@ -223,10 +222,10 @@ impl Meters {
 
     fn of(signals: usize, sum_signals: [usize; LANES]) -> Self {
         Meters {
-            together: vec![Extremes::default(); signals],
-            wide: vec![Wide::default(); signals],
-            alone: vec![Alone::default(); signals],
-            way: vec![Alone::default(); signals],
+            grouped: vec![Extremes::default(); signals],
+            wide: vec![WideExtremes::default(); signals],
+            single: vec![SingleExtremes::default(); signals],
+            passed: vec![SingleExtremes::default(); signals],
             sums: Extremes::default(),
             sum_signals,
             item: 1,
@@ -236,7 +235,7 @@ impl Meters {
         }
     }
 
-    /// Reads them.
+    /// The measured ranges.
     pub fn ranges(&self) -> Ranges {
         let [sample, limited] = &self.resampled;
         let mut ranges = sample.clone();
@@ -247,18 +246,20 @@ impl Meters {
                 bins: Range::default().bins,
                 ..limited.0[signal]
             });
-            (0..LANES).for_each(|lane| self.together[signal].tell(lane, range));
-            self.wide[signal].lanes().for_each(|lane| lane.tell(range));
-            self.alone[signal].tell(range);
-            let way = self.way[signal];
-            if way.min <= way.max {
-                range.reach(way.min);
-                range.reach(way.max);
-                range.any |= way.any;
+            (0..LANES).for_each(|lane| self.grouped[signal].add_to(lane, range));
+            self.wide[signal]
+                .lanes()
+                .for_each(|lane| lane.add_to(range));
+            self.single[signal].add_to(range);
+            let passed = self.passed[signal];
+            if passed.min <= passed.max {
+                range.reach(passed.min);
+                range.reach(passed.max);
+                range.any |= passed.any;
             }
         }
         for (lane, signal) in self.sum_signals.into_iter().enumerate() {
-            self.sums.tell(lane, &mut ranges.0[signal]);
+            self.sums.add_to(lane, &mut ranges.0[signal]);
         }
         ranges
     }
@@ -271,17 +272,17 @@ impl Probe for Meters {
     const DECISIONS: bool = false;
 
     fn fork(&self) -> Self {
-        Meters::of(self.alone.len(), self.sum_signals)
+        Meters::of(self.single.len(), self.sum_signals)
     }
 
     fn absorb(&mut self, fork: Self) {
-        for (signal, alone) in self.alone.iter_mut().enumerate() {
-            self.together[signal].absorb(&fork.together[signal]);
+        for (signal, single) in self.single.iter_mut().enumerate() {
+            self.grouped[signal].absorb(&fork.grouped[signal]);
             fork.wide[signal]
                 .lanes()
-                .for_each(|lane| alone.absorb(&lane));
-            alone.absorb(&fork.alone[signal]);
-            self.way[signal].absorb(&fork.way[signal]);
+                .for_each(|lane| single.absorb(&lane));
+            single.absorb(&fork.single[signal]);
+            self.passed[signal].absorb(&fork.passed[signal]);
         }
         self.sums.absorb(&fork.sums);
         for (own, other) in self.resampled.iter_mut().zip(fork.resampled) {
@@ -292,7 +293,7 @@ impl Probe for Meters {
     #[inline(always)]
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
         if fit.is_within(exact, more, word) {
-            self.alone[fit.signal].see(word);
+            self.single[fit.signal].add(word);
         } else if self.limited.len() < KEPT {
             self.limited.push((self.item, *fit, exact, more, word));
         } else {
@@ -307,20 +308,24 @@ impl Probe for Meters {
 
     #[inline(always)]
     fn one(&mut self, signal: usize, word: i64) {
-        self.alone[signal].see(word);
+        self.single[signal].add(word);
     }
 
     #[inline(always)]
-    fn eight<W: Words>(&mut self, signal: usize, seen: Seen<W>, live: u8) {
+    fn eight<W: Words>(&mut self, signal: usize, fitted: LimitedWords<W>, live: u8) {
         if live == 0 {
             return;
         }
-        // What met a limit is resampled, and with it all that came with it.
-        if seen.limited & live != 0 {
+        // A limited word is resampled, together with its item.
+        if fitted.limited & live != 0 {
             self.is_limited |= self.item;
             return;
         }
-        self.together[signal].see(seen.words.pick(W::from_array(STAND_IN[usize::from(live)])));
+        self.grouped[signal].add(
+            fitted
+                .words
+                .pick(W::from_array(STAND_IN[usize::from(live)])),
+        );
     }
 
     #[inline(always)]
@@ -329,27 +334,27 @@ impl Probe for Meters {
             self.is_limited |= self.item;
         } else if live != 0 {
             self.wide[signal]
-                .see(STAND_IN[usize::from(live)].map(|lane| words[lane as usize % LANES]));
+                .add(STAND_IN[usize::from(live)].map(|lane| words[lane as usize % LANES]));
         }
     }
 
     #[inline(always)]
     fn three(&mut self, signal: usize, words: [i64; 3]) {
-        let alone = &mut self.alone[signal];
-        alone.any |= words[0] | words[1] | words[2];
-        let [a, b, c] = words.map(|word| word.wrapping_sub(alone.min) as u64);
-        if a.max(b).max(c) > alone.span {
-            words.into_iter().for_each(|word| alone.widen(word, word));
+        let single = &mut self.single[signal];
+        single.any |= words[0] | words[1] | words[2];
+        let [a, b, c] = words.map(|word| word.wrapping_sub(single.min) as u64);
+        if a.max(b).max(c) > single.span {
+            words.into_iter().for_each(|word| single.widen(word, word));
         }
     }
 
     #[inline(always)]
-    fn sums<W: Words>(&mut self, seen: Seen<W>) {
-        if seen.limited != 0 {
+    fn sums<W: Words>(&mut self, fitted: LimitedWords<W>) {
+        if fitted.limited != 0 {
             self.is_limited |= self.item;
             return;
         }
-        self.sums.see(seen.words);
+        self.sums.add(fitted.words);
     }
 
     fn wrapped(&mut self, _signal: usize) {
@@ -358,9 +363,9 @@ impl Probe for Meters {
 
     #[inline(always)]
     fn reached(&mut self, signal: usize, [low, high]: [i64; 2]) {
-        let way = &mut self.way[signal];
-        way.see(low);
-        way.see(high);
+        let passed = &mut self.passed[signal];
+        passed.add(low);
+        passed.add(high);
     }
 
     #[inline(always)]
@@ -376,7 +381,7 @@ impl Probe for Meters {
                 return None;
             }
         };
-        // They are resampled with all others.
+        // The item is resampled as a whole.
         self.limited.clear();
         resampled
     }
@@ -385,19 +390,19 @@ impl Probe for Meters {
         &mut self,
         items: std::ops::Range<usize>,
         of: usize,
-        mut again: impl FnMut(usize, &mut Ranges),
+        mut repeat: impl FnMut(usize, &mut Ranges),
     ) {
         let [sample, limited] = &mut self.resampled;
         let is_limited = std::mem::take(&mut self.is_limited);
         let mut bit = 1;
         for item in items {
             if is_sampled(item, of) {
-                again(item, sample);
+                repeat(item, sample);
             } else if is_limited & bit != 0 {
-                again(item, limited);
+                repeat(item, limited);
             } else {
-                let alone = self.limited.iter().filter(|word| word.0 == bit);
-                alone.for_each(|(_, fit, exact, more, word)| {
+                let single = self.limited.iter().filter(|word| word.0 == bit);
+                single.for_each(|(_, fit, exact, more, word)| {
                     limited.word(fit, *exact, *more, *word)
                 });
             }
@@ -407,8 +412,8 @@ impl Probe for Meters {
     }
 }
 
-/// For each set of live lanes, which lane each of the eight is to take its word from: itself, or
-/// the first that is live.
+/// For each set of live lanes, the lane that each of the eight lanes copies: itself if live, else
+/// the first live one.
 const STAND_IN: [[i32; LANES]; 256] = {
     let mut all = [[0; LANES]; 256];
     let mut live = 1;

@@ -1,13 +1,13 @@
-//! Probe: what may be watched while the machine draws. It does nothing by default and then costs
+//! Probe: what can be observed while the machine draws. The default methods do nothing and cost
 //! nothing.
 //!
-//! Units hand every fitted word and every decision to a [`Tap`]; with [`NoProbe`] the compiler
-//! removes all of it. Parts of a frame are watched by forks of a probe; absorbing forks is
-//! associative, so threads cannot change a count.
+//! Units pass every fitted word and every decision to a [`Tap`]; with [`NoProbe`] the compiler
+//! removes these calls. Forks of a probe observe parts of a frame. Absorbing forks is associative,
+//! so the number of threads does not change a count.
 //!
-//! A probe observes words one by one, or ([`Probe::EIGHT`]) eight at a time without what was lost;
-//! then it may ask for an item of work, eight splats or a tile, once [more](Probe::resample), to
-//! observe all.
+//! A probe observes words one by one, or ([`Probe::EIGHT`]) eight at a time without their losses.
+//! In the second case it can request that an item of work (eight splats or a tile) is
+//! [repeated](Probe::resample) with single words.
 
 mod composite;
 mod meters;
@@ -20,7 +20,7 @@ pub use meters::Meters;
 pub use observer::{DynProbe, Observer};
 pub use ranges::{BINS, Range, Ranges};
 
-use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words, three};
+use crate::num::{Exacts, Fit, LANES, Lanes, LimitedWords, Register, Words, three};
 use crate::records::{
     Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed,
 };
@@ -28,62 +28,61 @@ use crate::work::CULLED;
 
 /// A probe of the machine.
 pub trait Probe: Send + Sync + Sized {
-    /// Whether words are wanted: if not, the compiler drops the calls.
+    /// Whether the probe observes words; if not, the compiler drops the calls.
     const WORDS: bool;
-    /// Whether words are wanted without their exact results, and eight at a time, where that can be
-    /// done.
+    /// Whether the probe accepts words eight at a time, without their exact results, where
+    /// possible.
     const EIGHT: bool = false;
-    /// Whether contributions and resolved pixels are wanted.
+    /// Whether the probe observes contributions and resolved pixels.
     const DECISIONS: bool;
-    /// Whether its frames are worth vector instructions and paths of their own for common machines:
-    /// quick to draw, slow to compile.
+    /// Whether frames with this probe get vector instructions and specialised paths for common
+    /// machines: fast to draw, slow to compile.
     const QUICK: bool = false;
 
-    /// Whether work is wanted: what became of splats, rows, contributions and pixels.
+    /// Whether the probe observes work: outcomes of splats, rows, contributions and pixels.
     const WORK: bool = false;
-    /// Whether transfers are wanted, record by record as in [`ports`](crate::pipeline::ports). The
-    /// machine then takes one item at a time, and what is observed of words between two transfers
-    /// belongs to the second.
+    /// Whether the probe observes transfers, record by record as in
+    /// [`ports`](crate::pipeline::ports). The machine then processes one item at a time, and words
+    /// observed between two transfers belong to the second.
     const TRANSFERS: bool = false;
 
     /// A fresh probe of the same kind, for another part of the frame.
     fn fork(&self) -> Self;
-    /// Takes over what a fork saw.
+    /// Adds the observations of a fork.
     fn absorb(&mut self, fork: Self);
     /// `exact` (with `more` fraction bits than elaborated) became `word` at `fit.signal`.
     fn word(&mut self, _fit: &Fit, _exact: i64, _more: i64, _word: i64) {}
-    /// This became a word of a signal, and met no limit.
+    /// A word of a signal that no limit changed.
     #[inline(always)]
     fn one(&mut self, _signal: usize, _word: i64) {}
-    /// These became words of a signal, as far as they are `live` (a lane a bit).
+    /// Words of a signal. Only the `live` lanes count (a bit each).
     #[inline(always)]
-    fn eight<W: Words>(&mut self, _signal: usize, _seen: Seen<W>, _live: u8) {}
-    /// [`Probe::eight`] for words of up to 48 bits, and which of them met a limit.
+    fn eight<W: Words>(&mut self, _signal: usize, _fitted: LimitedWords<W>, _live: u8) {}
+    /// [`Probe::eight`] for words of up to 48 bits, and the lanes that a limit changed.
     #[inline(always)]
     fn wide(&mut self, _signal: usize, _words: [i64; LANES], _limited: u8, _live: u8) {}
-    /// These three became words of a signal, and met no limit.
+    /// Three words of a signal that no limit changed.
     #[inline(always)]
     fn three(&mut self, _signal: usize, _words: [i64; 3]) {}
-    /// These became the eight sums of a fragment, in the order of their signals.
+    /// The eight sums of a fragment, in the order of their signals.
     #[inline(always)]
-    fn sums<W: Words>(&mut self, _seen: Seen<W>) {}
-    /// A register outran its format and wrapped.
+    fn sums<W: Words>(&mut self, _fitted: LimitedWords<W>) {}
+    /// A register exceeded its format and wrapped.
     fn wrapped(&mut self, _signal: usize) {}
-    /// A register of a signal was to hold all from the first to the second on its way, which are no
-    /// words of their own.
+    /// A register of a signal passes through all values from the first to the second, which are not
+    /// words themselves.
     fn reached(&mut self, _signal: usize, _results: [i64; 2]) {}
-    /// All words of an item of work have been observed, of the first or another of so many of its
-    /// kind in the frame: who, if any, is to observe them all once more, one by one.
+    /// All words of an item of work have been observed: item `item` of `of` in the frame. Returns
+    /// the ranges that observe the same item again, word by word, if any.
     #[inline(always)]
     fn resample(&mut self, _item: usize, _of: usize) -> Option<&mut Ranges> {
         None
     }
 
-    /// What follows is of the nth item of work of those that are done together.
+    /// The next observations belong to the nth item of a batch.
     #[inline(always)]
     fn item(&mut self, _nth: usize) {}
-    /// [`Probe::resample`] of items that were done together, the first of them in
-    /// [`Probe::item`] 0.
+    /// [`Probe::resample`] for a batch of items; the first of them has [`Probe::item`] 0.
     #[inline(always)]
     fn resample_batch(
         &mut self,
@@ -92,7 +91,7 @@ pub trait Probe: Send + Sync + Sized {
         _again: impl FnMut(usize, &mut Ranges),
     ) {
     }
-    /// A splat contributed to pixel (x, y), and this became of it.
+    /// A splat contributed to pixel (x, y), with this decision.
     fn contribution(
         &mut self,
         _x: u32,
@@ -101,63 +100,64 @@ pub trait Probe: Send + Sync + Sized {
         _decision: Decision,
     ) {
     }
-    /// Pixel (x, y), which is not resolved yet, has windows that start at these places, a bit each,
-    /// the first in the last place.
+    /// Pixel (x, y), before it is resolved, has windows that start at these slots, a bit each, the
+    /// first slot in the LSB.
     fn windows(&mut self, _x: u32, _y: u32, _starts: u8) {}
-    /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
+    /// Pixel (x, y) was resolved from these layers, front to back, to this frame word.
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
-    /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`], the
-    /// first in the last place.
+    /// Those of eight splats from `first` on that were not drawn, by reason as in [`CULLED`], the
+    /// first splat in the LSB.
     fn culled(&mut self, _first: u32, _lanes: [u8; CULLED.len()]) {}
     /// A splat has a box: its first and last column and row.
     #[inline(always)]
     fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}
-    /// All splats with a box have been observed; they are drawn in this order, each by its place
+    /// All splats with a box have been observed. They are drawn in this order, given as indices
     /// among them.
     fn sorted(&mut self, _order: Vec<u32>, _keys: Vec<u32>) {}
-    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have
-    /// the axes in the registers, and the degree of the harmonics that their colours are.
+    /// Splats are ellipsoids: whether those with a box are lit before they are drawn, whether all
+    /// have the axes in the registers, and the degree of the harmonics of their colours.
     fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool, _harmonics: u8) {}
-    /// A splat that is lit before it is drawn has this colour from now on; what it sent to shade
-    /// was observed before.
+    /// A splat that is lit before it is drawn has this colour from now on. Its input to shade was
+    /// observed before.
     fn emitted(&mut self, _splat: u32, _rgb: [i32; 3]) {}
-    /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these
-    /// places: 16 · row + column.
+    /// A splat's part of a tile, which has `rows` rows from column `left` of the tile on, keeps
+    /// these pixels: 16 · row + column.
     #[inline(always)]
     fn span(&mut self, _rows: usize, _left: usize, _places: &[u8]) {}
-    /// The next place had this outcome; none where its weight rounds to 0.
+    /// Decision on the contribution to the next pixel; none if its weight rounds to 0.
     #[inline(always)]
     fn became(&mut self, _decision: Option<Decision>) {}
-    /// The next place's pixel stopped with this contribution, whatever became of that: by the sheet
-    /// before, or by itself.
+    /// The next pixel stopped with this contribution, whatever the decision on it: by blending the
+    /// sheet before it, or by itself.
     fn stopped(&mut self, _by_merge: bool) {}
-    /// A fragment is shaded so that it can merge.
+    /// A fragment is shaded before it merges.
     fn shaded(&mut self) {}
     /// A fragment goes to shade, in a frame with surroundings.
     fn lit(&mut self) {}
-    /// It mirrors them: column and row of the first of the four texels that it looks up.
+    /// That fragment reflects them: column and row of the first of the four texels of its look-up.
     fn looked_up(&mut self, _texel: [u8; 2]) {}
     /// All splats have been set up, in a frame with surroundings.
     fn mirrors(&mut self) {}
-    /// The next pixel of a tile ends with so many fragments, of which so many are left to shade.
+    /// The next pixel of a tile ends with this number of fragments, of which `shades` are not
+    /// shaded yet.
     #[inline(always)]
     fn held(&mut self, _fragments: u8, _shades: u8) {}
-    /// A splat left setup with these words: those of `project.out` and of `ellipse.out`, masked by
-    /// nothing yet.
+    /// A splat left setup with these words of `project.out` and of `ellipse.out`, before any
+    /// masking.
     fn set_up(&mut self, _splat: u32, _project: [i64; PROJECTED], _ellipse: [i64; SET_UP]) {}
-    /// The raster has walked a splat's part of a tile.
+    /// The raster has finished a splat's part of a tile.
     fn walked(&mut self, _splat: u32) {}
     /// A splat's fragment at pixel (x, y) left raster and gauss.
     fn weighed(&mut self, _x: u32, _y: u32, _weighed: &Weighed) {}
-    /// A fragment enters shade, from merging or from resolving; what is observed from here on is
-    /// shade's.
+    /// A fragment enters shade, from merging or from resolving. The following observations belong
+    /// to shade.
     fn shade_in(&mut self) {}
-    /// It left shade.
+    /// That fragment left shade.
     fn shade_out(&mut self, _input: &ShadeInput, _output: &ShadeOutput) {}
-    /// Pixel (x, y) holds these fragments in the end, slot by slot; the light of each beside it. Of
-    /// sheets: what has been blended, then the open one; beside it the light of all together.
+    /// The fragments that pixel (x, y) finally holds, slot by slot, each with its light. For
+    /// sheets: the blended sheets, then the open one, with the light of all together.
     fn holds(&mut self, _x: u32, _y: u32, _slots: &[Slot], _layers: &[Layer]) {}
-    /// The tile whose first pixel is (x, y) is done: all of it has been observed.
+    /// The tile whose first pixel is (x, y) has been observed completely.
     fn tile(&mut self, _x: u32, _y: u32) {}
 }
 
@@ -175,13 +175,12 @@ impl Probe for NoProbe {
     fn absorb(&mut self, _fork: Self) {}
 }
 
-/// A unit's connection to the probe: every fit passes through it.
+/// A unit's connection to the probe: every fit goes through it.
 #[derive(Debug)]
 pub struct Tap<'a, P> {
     /// The probe.
     pub probe: &'a mut P,
-    /// Lanes that carry a live item, the first in the last place; the others are not shown to the
-    /// probe.
+    /// Lanes with a live item, the first in the LSB. The probe does not observe the others.
     pub live: u8,
 }
 
@@ -195,7 +194,7 @@ impl<'a, P: Probe> Tap<'a, P> {
         }
     }
 
-    /// Shows the probe only the first so many lanes.
+    /// Limits the tap to the first `lanes` lanes.
     #[inline(always)]
     pub fn first(self, lanes: usize) -> Self {
         Tap {
@@ -204,14 +203,14 @@ impl<'a, P: Probe> Tap<'a, P> {
         }
     }
 
-    /// What follows is of the nth item of a batch, and the probe sees these lanes.
+    /// The next observations belong to the nth item of a batch, in these lanes.
     #[inline(always)]
     pub fn item(&mut self, nth: usize, live: u8) {
         self.probe.item(nth);
         self.live = live;
     }
 
-    /// Shows the probe no more of the lanes where the condition holds.
+    /// Excludes the lanes where the condition holds.
     #[inline(always)]
     pub fn drop_where<W: Words>(&mut self, condition: W) {
         if P::WORDS {
@@ -247,7 +246,7 @@ impl<'a, P: Probe> Tap<'a, P> {
         three!(i => self.fit_one(fit, exact[i]))
     }
 
-    /// Fits three results that have `more` fraction bits than was elaborated.
+    /// Fits three results that have `more` fraction bits than elaborated.
     #[inline(always)]
     pub fn fit_three_shifted(&mut self, fit: &Fit, exact: [i64; 3], more: i64) -> [i64; 3] {
         if P::EIGHT
@@ -259,7 +258,7 @@ impl<'a, P: Probe> Tap<'a, P> {
         three!(i => self.fit_one_shifted(fit, exact[i], more))
     }
 
-    /// Fits one result that has `more` fraction bits than was elaborated.
+    /// Fits one result that has `more` fraction bits than elaborated.
     #[inline(always)]
     pub fn fit_one_shifted(&mut self, fit: &Fit, exact: i64, more: i64) -> i64 {
         if P::EIGHT
@@ -297,7 +296,7 @@ impl<'a, P: Probe> Tap<'a, P> {
                 if fit.word.format.width() < 32 {
                     self.probe.eight(
                         fit.signal,
-                        Seen {
+                        LimitedWords {
                             words: word.low(),
                             limited,
                         },
@@ -314,8 +313,7 @@ impl<'a, P: Probe> Tap<'a, P> {
         held
     }
 
-    /// Fits eight results of which none is negative, into a word without a sign
-    /// ([`Fit::lanes_unsigned`]).
+    /// Fits eight results ≥ 0 to unsigned words ([`Fit::lanes_unsigned`]).
     #[inline(always)]
     pub fn fit_unsigned<const SIMPLE_FITS: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
         if P::WORDS {
@@ -325,7 +323,7 @@ impl<'a, P: Probe> Tap<'a, P> {
         }
     }
 
-    /// [`Tap::fit_unsigned`] where the word is known to reach all results.
+    /// [`Tap::fit_unsigned`] for a word that represents every result.
     #[inline(always)]
     pub fn fit_within<const SIMPLE_FITS: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
         if P::WORDS {
@@ -338,12 +336,12 @@ impl<'a, P: Probe> Tap<'a, P> {
     #[inline(always)]
     fn observe_lanes<const UNSIGNED: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
         if P::EIGHT
-            && let Some((words, limited)) = fit.lanes_seen::<UNSIGNED, L>(exact)
+            && let Some((words, limited)) = fit.lanes_limited::<UNSIGNED, L>(exact)
         {
             if fit.is_short() {
                 self.probe.eight(
                     fit.signal,
-                    Seen {
+                    LimitedWords {
                         words: words.low(),
                         limited,
                     },
@@ -358,7 +356,7 @@ impl<'a, P: Probe> Tap<'a, P> {
         L::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES]))
     }
 
-    /// Fits eight results into words of at most 32 bits.
+    /// Fits eight results to words of at most 32 bits.
     #[inline(always)]
     pub fn fit_words<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
         if P::WORDS {
@@ -366,7 +364,7 @@ impl<'a, P: Probe> Tap<'a, P> {
                 fit,
                 exact,
                 if P::EIGHT {
-                    fit.words_seen(exact)
+                    fit.words_limited(exact)
                 } else {
                     None
                 },
@@ -376,7 +374,7 @@ impl<'a, P: Probe> Tap<'a, P> {
         }
     }
 
-    /// Fits eight results that a normaliser has shifted to the top of their 62 bits into words of
+    /// Fits eight results, which a normaliser has shifted to the top of their 62 bits, to words of
     /// at most 32 bits.
     #[inline(always)]
     pub fn fit_top<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
@@ -384,7 +382,11 @@ impl<'a, P: Probe> Tap<'a, P> {
             self.observe_words(
                 fit,
                 exact,
-                if P::EIGHT { fit.top_seen(exact) } else { None },
+                if P::EIGHT {
+                    fit.top_limited(exact)
+                } else {
+                    None
+                },
             )
         } else {
             fit.top(exact)
@@ -396,26 +398,26 @@ impl<'a, P: Probe> Tap<'a, P> {
         &mut self,
         fit: &Fit,
         exact: X,
-        seen: Option<Seen<X::Words>>,
+        fitted: Option<LimitedWords<X::Words>>,
     ) -> X::Words {
-        let Some(seen) = seen else {
+        let Some(fitted) = fitted else {
             return X::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES]))
                 .low();
         };
-        self.probe.eight(fit.signal, seen, self.live);
-        seen.words
+        self.probe.eight(fit.signal, fitted, self.live);
+        fitted.words
     }
 
-    /// Fits eight results into words that may have more than 32 bits.
+    /// Fits eight results to words that can have more than 32 bits.
     #[inline(always)]
     pub fn fit_wide<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X {
         if P::EIGHT
-            && let Some((words, limited)) = fit.wide_seen(exact)
+            && let Some((words, limited)) = fit.wide_limited(exact)
         {
             if fit.is_short() {
                 self.probe.eight(
                     fit.signal,
-                    Seen {
+                    LimitedWords {
                         words: words.low(),
                         limited,
                     },
@@ -434,15 +436,15 @@ impl<'a, P: Probe> Tap<'a, P> {
         }
     }
 
-    /// Fits eight results, each with `more` fraction bits than was elaborated, into words of at
-    /// most 32 bits.
+    /// Fits eight results, each with `more` fraction bits than elaborated, to words of at most 32
+    /// bits.
     #[inline(always)]
     pub fn fit_shifted<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words) -> X::Words {
         if P::EIGHT
-            && let Some(seen) = fit.shifted_seen(exact, more)
+            && let Some(fitted) = fit.shifted_limited(exact, more)
         {
-            self.probe.eight(fit.signal, seen, self.live);
-            return seen.words;
+            self.probe.eight(fit.signal, fitted, self.live);
+            return fitted.words;
         }
         if P::WORDS {
             X::from_array(self.observe_one_by_one(*fit, exact.to_array(), more.exact().to_array()))
@@ -452,8 +454,8 @@ impl<'a, P: Probe> Tap<'a, P> {
         }
     }
 
-    /// Fits eight results one by one and reports what is live: the long way of all that is watched.
-    /// Of a copy, as in `num::fit`.
+    /// Fits eight results one by one and reports the live ones: the slow path of every observed
+    /// fit. It takes a copy of the fit, as in `num::fit`.
     #[cold]
     #[inline(never)]
     fn observe_one_by_one(

@@ -1,5 +1,5 @@
-//! Observer: watches without that the pipeline is compiled for it. It is compiled once for all of
-//! them, and calls them through a table.
+//! Observer: a probe that is called through a table, so that the pipeline is compiled once for all
+//! observers.
 
 use super::Probe;
 use crate::num::Fit;
@@ -8,15 +8,15 @@ use crate::records::{
 };
 use std::any::Any;
 
-/// An observer that is called for what it wants to see, one call at a time: slower than a
-/// [`Probe`], and no code of the machine is compiled for it. `'w` is what it borrows.
+/// An observer is called for each observation: slower than a [`Probe`], but the machine is not
+/// compiled for it. `'w` is the lifetime of its borrows.
 pub trait Observer<'w>: Send + Sync {
     /// A fresh observer of the same kind, for another part of the frame.
     fn fork(&self) -> Box<dyn Observer<'w> + 'w>;
-    /// Hands over what it has seen, in a form that one of its kind understands.
+    /// Hands over its observations, in a form that observers of the same kind can take over.
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send>;
-    /// Takes over what a fork has handed over.
-    fn take_over(&mut self, seen: Box<dyn Any + Send>);
+    /// Adds the observations that a fork has handed over.
+    fn take_over(&mut self, observations: Box<dyn Any + Send>);
     /// As [`Probe::word`].
     fn word(&mut self, _fit: &Fit, _exact: i64, _more: i64, _word: i64) {}
     /// As [`Probe::wrapped`].
@@ -54,7 +54,7 @@ pub trait Observer<'w>: Send + Sync {
     fn tile(&mut self, _x: u32, _y: u32) {}
 }
 
-/// Hears nothing.
+/// Ignores every observation.
 impl Observer<'static> for super::NoProbe {
     fn fork(&self) -> Box<dyn Observer<'static>> {
         Box::new(*self)
@@ -65,8 +65,8 @@ impl Observer<'static> for super::NoProbe {
     fn take_over(&mut self, _seen: Box<dyn Any + Send>) {}
 }
 
-/// Passes on what a [`Observer`] wants: everything, transfer by transfer, or (`EVERYTHING` false)
-/// decisions alone.
+/// Passes observations on to an [`Observer`]: everything, transfer by transfer, or (`EVERYTHING`
+/// false) only decisions.
 pub struct DynProbe<'a, 'w, const EVERYTHING: bool>(Handle<'a, 'w>);
 
 enum Handle<'a, 'w> {
@@ -75,7 +75,7 @@ enum Handle<'a, 'w> {
 }
 
 impl<'a, 'w, const EVERYTHING: bool> DynProbe<'a, 'w, EVERYTHING> {
-    /// A probe that passes on what this observer wants.
+    /// A probe that passes observations on to this observer.
     pub fn new(observer: &'a mut (dyn Observer<'w> + 'a)) -> Self {
         DynProbe(Handle::Lent(observer))
     }

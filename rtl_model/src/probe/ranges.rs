@@ -1,20 +1,19 @@
-//! Ranges: what each signal's words were, counted one by one. [`Meters`](super::Meters) measure the
-//! same, and count a sample.
+//! Ranges: the range of each signal's words, counted one by one. [`Meters`](super::Meters) measure
+//! the same, and count a sample.
 //!
 //! ```text
 //! exact ─►( round )─► before its limits ─►[ saturate | wrap ]─► word
 //!     └► inexact         └► least, greatest     └► counts        └► min, max, any, bins
 //! ```
-//! A sum, a least, a greatest and a union come out the same whatever the order, so threads cannot
-//! change them.
+//! Sums, minima, maxima and unions do not depend on the order, so threads cannot change them.
 //!
-//! Laws: `ranges_come_together_in_any_order`,
-//! `the_narrowest_format_holds_what_was_seen_and_no_narrower_one_does`.
+//! Laws: `ranges_are_the_same_in_any_order_of_absorption`,
+//! `the_narrowest_format_holds_every_result_and_no_narrower_one_does`.
 
 use super::Probe;
 use crate::num::{Fit, Format};
 
-/// Bins of a histogram: a word of 64 bits would not have its own.
+/// Bins of a histogram: words have less than 64 bits.
 pub const BINS: usize = 64;
 
 /// Range of one signal.
@@ -22,9 +21,9 @@ pub const BINS: usize = 64;
 pub struct Range {
     /// Words counted.
     pub words: u64,
-    /// Least word, `i64::MAX` where none was seen.
+    /// Least word, `i64::MAX` if there was none.
     pub min: i64,
-    /// Greatest word, `i64::MIN` where none was seen.
+    /// Greatest word, `i64::MIN` if there was none.
     pub max: i64,
     /// Results below the format's range.
     pub saturated_low: u64,
@@ -32,17 +31,16 @@ pub struct Range {
     pub saturated_high: u64,
     /// Results whose high bits were dropped.
     pub wrapped: u64,
-    /// Results among the words counted that lost bits below the last place.
+    /// Counted results that lost bits below the LSB.
     pub inexact: u64,
-    /// Least result in units of the last place, rounded but not yet limited: what the word should
-    /// have been.
+    /// Least result in ulp, rounded but not limited: what the word would be without limits.
     pub least: i64,
-    /// Greatest result, likewise.
+    /// Greatest result, in the same units.
     pub greatest: i64,
-    /// Every bit that was set in some result, likewise.
+    /// Every bit that was set in some result, in the same units.
     pub any: i64,
     /// Words counted, by the number of bits of their magnitude: `bins[0]` counts zeros, `bins[n]`
-    /// those from 2^(n−1) to 2^n − 1 last places.
+    /// words from 2^(n−1) to 2^n − 1 ulp.
     pub bins: [u64; BINS],
 }
 
@@ -64,7 +62,7 @@ impl Default for Range {
     }
 }
 
-/// Which bin counts a word.
+/// The bin of a word.
 #[inline(always)]
 pub fn bin(word: i64) -> usize {
     (u64::BITS - word.unsigned_abs().leading_zeros()) as usize % BINS
@@ -72,9 +70,9 @@ pub fn bin(word: i64) -> usize {
 
 impl Range {
     /// Counts one word.
-    pub fn see(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
+    pub fn count(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
         self.words += 1;
-        // New extremes become rare.
+        // Rare: a new extreme.
         if word < self.min {
             self.min = word;
         }
@@ -84,7 +82,7 @@ impl Range {
         self.inexact += u64::from(fit.is_inexact(exact, more));
         self.bins[bin(word)] += 1;
         if !fit.is_within(exact, more, word) {
-            return self.see_limited(fit, exact, more);
+            return self.count_limited(fit, exact, more);
         }
         if word < self.least {
             self.least = word;
@@ -97,7 +95,7 @@ impl Range {
 
     #[cold]
     #[inline(never)]
-    fn see_limited(&mut self, fit: &Fit, exact: i64, more: i64) {
+    fn count_limited(&mut self, fit: &Fit, exact: i64, more: i64) {
         let loss = fit.loss(exact, more);
         self.saturated_low += u64::from(loss.saturated_low);
         self.saturated_high += u64::from(loss.saturated_high);
@@ -105,14 +103,14 @@ impl Range {
         self.reach(fit.before_limits(exact, more));
     }
 
-    /// Takes note of a result, whether it became a word or not.
+    /// Includes a result in the extremes, whether it became a word or not.
     pub fn reach(&mut self, result: i64) {
         self.least = self.least.min(result);
         self.greatest = self.greatest.max(result);
         self.any |= result;
     }
 
-    /// Takes over what another saw of the same signal.
+    /// Adds the counts of another range of the same signal.
     pub fn absorb(&mut self, other: &Range) {
         self.words += other.words;
         self.min = self.min.min(other.min);
@@ -129,19 +127,19 @@ impl Range {
         }
     }
 
-    /// Whether any word was seen, counted or not.
-    pub fn is_seen(&self) -> bool {
+    /// Whether there was any word, counted or not.
+    pub fn has_words(&self) -> bool {
         self.min <= self.max
     }
 
-    /// The narrowest format, signed or not as `format` is, that would have held every result of a
-    /// signal in `format`; none where no word was seen. Without a sign, what lay below 0 does not
-    /// count.
+    /// The narrowest format, with the sign of `format`, that would have represented every result of
+    /// a signal in `format`; none if there was no word. Results below 0 are ignored for an unsigned
+    /// format.
     pub fn narrowest(&self, format: Format) -> Option<Format> {
-        if !self.is_seen() {
+        if !self.has_words() {
             return None;
         }
-        // A sign and as many bits as the magnitude of −1 − x or x, whichever is longer.
+        // A sign, and the bits of the magnitude of −1 − x or x, whichever is longer.
         let bits = |result: i64| (u64::BITS - result.max(!result).leading_zeros()) as i32;
         let width = if format.signed {
             1 + bits(self.least).max(bits(self.greatest))
@@ -158,12 +156,12 @@ impl Range {
     }
 }
 
-/// Watches the range of every signal, word by word.
+/// Counts the range of every signal, word by word.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ranges(pub Vec<Range>);
 
 impl Ranges {
-    /// For a machine with so many signals.
+    /// For a machine with `signals` signals.
     pub fn new(signals: usize) -> Self {
         Ranges(vec![Range::default(); signals])
     }
@@ -184,7 +182,7 @@ impl Probe for Ranges {
     }
 
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
-        self.0[fit.signal].see(fit, exact, more, word);
+        self.0[fit.signal].count(fit, exact, more, word);
     }
 
     fn wrapped(&mut self, signal: usize) {

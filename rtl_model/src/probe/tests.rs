@@ -1,11 +1,12 @@
-//! Meters are held to ranges, which count one by one; ranges to what a word and its exact result
-//! say; narrowest formats to every other.
+//! Meters, checked against ranges, which count one by one; ranges, checked against words and exact
+//! results; narrowest formats, checked against every other format.
 
 use super::*;
 use crate::num::{Exact, Format, Overflow, Rounding, Word};
 use proptest::prelude::*;
 
-/// Exact results of 16 fraction bits, and how many more they have, that become words of signal 0.
+/// Exact results of 16 fraction bits, with their additional fraction bits, which become words of
+/// signal 0.
 fn results() -> impl Strategy<Value = Vec<(i64, i64)>> {
     prop::collection::vec(
         (
@@ -36,7 +37,7 @@ fn words() -> impl Strategy<Value = Word> {
     )
 }
 
-fn seen(fit: &Fit, results: &[(i64, i64)]) -> Range {
+fn range_of(fit: &Fit, results: &[(i64, i64)]) -> Range {
     let mut ranges = Ranges::new(1);
     for &(exact, more) in results {
         ranges.word(fit, exact, more, fit.one_shifted(exact, more));
@@ -44,21 +45,21 @@ fn seen(fit: &Fit, results: &[(i64, i64)]) -> Range {
     ranges.0[0]
 }
 
-/// Whether a format holds a number of last places of `of`.
-fn holds(format: Format, of: Format, last_places: i64) -> bool {
+/// Whether a format represents a number of ulp of `of`.
+fn holds(format: Format, of: Format, ulps: i64) -> bool {
     let places = of.frac_bits - format.frac_bits;
-    let word = last_places / (1 << places);
-    word * (1 << places) == last_places && (format.min()..=format.max()).contains(&word)
+    let word = ulps / (1 << places);
+    word * (1 << places) == ulps && (format.min()..=format.max()).contains(&word)
 }
 
 proptest! {
     #[test]
-    fn ranges_come_together_in_any_order(word in words(), parts in prop::collection::vec(results(), 3)) {
+    fn ranges_are_the_same_in_any_order_of_absorption(word in words(), parts in prop::collection::vec(results(), 3)) {
         let fit = Fit::new(0, word, Exact { int_bits: 30, frac_bits: 16 });
         let together = |order: &[&[usize]]| {
             order.iter().map(|group| {
                 let all: Vec<_> = group.iter().flat_map(|part| parts[*part].clone()).collect();
-                seen(&fit, &all)
+                range_of(&fit, &all)
             }).fold(Range::default(), |mut whole, part| {
                 whole.absorb(&part);
                 whole
@@ -72,9 +73,9 @@ proptest! {
     }
 
     #[test]
-    fn the_narrowest_format_holds_what_was_seen_and_no_narrower_one_does(word in words(), results in results()) {
+    fn the_narrowest_format_holds_every_result_and_no_narrower_one_does(word in words(), results in results()) {
         let fit = Fit::new(0, word, Exact { int_bits: 30, frac_bits: 16 });
-        let (range, format) = (seen(&fit, &results), word.format);
+        let (range, format) = (range_of(&fit, &results), word.format);
         let Some(narrowest) = range.narrowest(format) else {
             prop_assert!(results.is_empty());
             return Ok(());
@@ -85,8 +86,7 @@ proptest! {
         prop_assert!(all.iter().all(|v| holds(narrowest, format, *v)), "{} of {:?}", narrowest, all);
         for less in [Format { int_bits: narrowest.int_bits - 1, ..narrowest }, Format { frac_bits: narrowest.frac_bits - 1, ..narrowest }] {
             let possible = less.width() >= 1 && less.frac_bits >= 0;
-            // Bits of what lay below 0 count as bits that were used, though there is no word for
-            // it.
+            // Bits of results below 0 count as used, although there is no word for them.
             let below = all.len() < results.len() || word.overflow == Overflow::Wrap || range.saturated_low + range.saturated_high > 0;
             prop_assert!(!possible || below || !all.iter().all(|v| holds(less, format, *v)), "{} of {:?}", less, all);
         }
@@ -94,7 +94,7 @@ proptest! {
 }
 
 #[test]
-fn a_range_is_what_its_words_say() {
+fn a_range_counts_its_words() {
     let word = Word::new(Format::signed(2, 4));
     let fit = Fit::new(
         0,
@@ -104,8 +104,8 @@ fn a_range_is_what_its_words_say() {
             frac_bits: 6,
         },
     );
-    // 1, 1½ last places, −2 of them, 0, and far too much.
-    let range = seen(&fit, &[(4, 0), (6, 0), (-8, 0), (0, 0), (400, 0), (16, 1)]);
+    // 1 ulp, 1½ ulp, −2 ulp, 0, and far too much.
+    let range = range_of(&fit, &[(4, 0), (6, 0), (-8, 0), (0, 0), (400, 0), (16, 1)]);
     assert_eq!(
         [
             range.words,
@@ -126,7 +126,7 @@ fn a_range_is_what_its_words_say() {
     );
     assert_eq!(range.narrowest(word.format).unwrap().to_string(), "I4F4");
     assert_eq!(
-        seen(&fit, &[(0, 0)])
+        range_of(&fit, &[(0, 0)])
             .narrowest(word.format)
             .unwrap()
             .to_string(),

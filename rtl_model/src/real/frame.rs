@@ -1,5 +1,5 @@
-//! What the machine is given, over the reals: the exact number of each register and record, and the
-//! word in its place.
+//! Inputs of the machine over the reals: the exact number of each register and record, and its
+//! word.
 
 use crate::frame::Amplitude;
 
@@ -16,8 +16,8 @@ pub struct Splat<R> {
     pub rgb: [R; 3],
     /// α.
     pub opacity: R,
-    /// Whether the machine turns the normal towards the viewer, where its decisions are followed;
-    /// else each side decides by itself.
+    /// Whether the machine turns the normal towards the viewer, if its decisions are followed; else
+    /// each side decides separately.
     pub turned: Option<bool>,
 }
 
@@ -32,7 +32,7 @@ pub struct View<R> {
     pub near: R,
     /// Greatest |a| and |b|.
     pub guard: [R; 2],
-    /// s; of pixels that are not square the larger of both.
+    /// s; where pixels are not square, the larger of both.
     pub focal: R,
     /// s_x, s_y.
     pub focals: [R; 2],
@@ -40,7 +40,7 @@ pub struct View<R> {
     pub inverse_focals: [R; 2],
     /// Principal point from the picture's middle, pixels.
     pub centre: [R; 2],
-    /// s_x², s_x·s_y and s_y², relative to s²; none where pixels are square.
+    /// s_x², s_x·s_y and s_y², relative to s²; none if pixels are square.
     pub aspect: Option<[R; 3]>,
     /// Variance of the low-pass filter.
     pub low_pass: R,
@@ -52,7 +52,7 @@ pub struct View<R> {
     pub inverse_two_pi: R,
 }
 
-/// Axes that make an ellipsoid of a splat.
+/// Axes of an ellipsoid.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipsoid<R> {
     /// Meaning of its amplitude.

@@ -1,20 +1,20 @@
-//! Real: the machine's steps over real numbers, so that what each step loses can be bounded, or
+//! Real: the machine's steps over real numbers, so that the loss of each step can be bounded, or
 //! made on purpose.
 //!
 //! ```text
-//! exact scene ─► [ the same unit, over the reals ] ─► the exact result, and how far the machine's may lie from it
+//! exact scene ─► [ the same unit, over the reals ] ─► the exact result, and a bound of the machine's error
 //! ```
-//! A unit's `real.rs` walks its diagram once more, with a [`Real`] on every wire. [`Near`] carries
-//! a value and a bound: a sum's bounds add up, a product's are weighed by the other factor, and the
-//! one lossy act adds what its format loses. So a unit's error bound is a function of its formats,
-//! derived step by step from the very diagram that the machine follows, and it holds whatever is
-//! saturated on the way: a limit is an interval's end like any other.
+//! A unit's `real.rs` follows its diagram with a [`Real`] on every wire. [`Near`] carries a value
+//! and an error bound. The bounds of a sum are added; those of a product are scaled by the other
+//! factor; the one lossy operation adds the loss of its format. So a unit's error bound is a
+//! function of its formats, derived step by step from the machine's own diagram. It also holds if
+//! something saturates on the way: a limit only shortens the interval.
 //!
-//! [`PartialPrecision`] makes only some of the losses, and makes them as the machine does: who is
-//! to blame for an error?
+//! [`PartialPrecision`] makes only some of the losses, and makes them like the machine: it
+//! attributes an error to its causes.
 //!
-//! Nothing here is hardware, and no unit's function depends on it. Files called `real.rs`, and what
-//! lies below this one, are the only ones of this crate with floats.
+//! This is not hardware, and units do not depend on it. Only files called `real.rs`, and the files
+//! of this folder, use floats in this crate.
 //!
 //! Laws: `near_holds_every_outcome`, `a_fit_is_within_its_bound`, `a_share_is_within_its_bound`,
 //! `a_power_is_within_its_bound`.
@@ -34,7 +34,7 @@ use std::cmp::Ordering;
 use std::f64::consts::SQRT_2;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// Powers of two that a word may be relative to, least and greatest:
+/// Least and greatest power of two to which a word can be relative:
 /// `value = word · 2^(exponent − frac_bits)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scale {
@@ -45,7 +45,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// A word that is what it says.
+    /// The scale of a word that is not relative to a power of two.
     pub const ONE: Scale = Scale { low: 0, high: 0 };
 
     /// The scale of a product of two words.
@@ -72,7 +72,7 @@ impl Scale {
         }
     }
 
-    /// The same times 2^`places`.
+    /// The scale times 2^`places`.
     pub fn shifted(self, places: i32) -> Scale {
         Scale {
             low: self.low + places,
@@ -84,15 +84,15 @@ impl Scale {
 /// A vector of length 1, on three wires.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Direction<R> {
-    /// Its parts, and what each has lost by itself.
+    /// Its components, each with its own loss.
     pub parts: [R; 3],
-    /// Sine of the greatest angle by which the machine's vector was turned before that; 1 or more
-    /// where it may point anywhere.
+    /// Sine of the greatest rotation of the machine's vector before these losses; 1 or more if it
+    /// can have any direction.
     pub turn: f64,
 }
 
 impl<R: Real> Direction<R> {
-    /// Each part becomes a word.
+    /// Quantises each component.
     pub fn fit(self, fit: &Fit) -> Self {
         Direction {
             parts: self.parts.map(|part| part.fit(fit, Scale::ONE)),
@@ -100,7 +100,7 @@ impl<R: Real> Direction<R> {
         }
     }
 
-    /// The same backwards.
+    /// The opposite direction.
     pub fn turned_back(self) -> Self {
         Direction {
             parts: self.parts.map(R::neg),
@@ -109,53 +109,50 @@ impl<R: Real> Direction<R> {
     }
 }
 
-/// A number on a wire, as exact arithmetic and the machine both understand it.
+/// A number on a wire, with an exact side and a machine side.
 pub trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {
-    /// A constant that both hold exactly.
+    /// A constant that is exact on both sides.
     fn constant(value: f64) -> Self;
-    /// A number that both hold exactly, on a wire of the same machine as this one.
+    /// A number that is exact on both sides, for the same machine as `self`.
     fn beside(self, value: f64) -> Self;
-    /// The sum with a constant that both hold exactly.
+    /// The sum with a constant that is exact on both sides.
     fn plus(self, constant: f64) -> Self;
-    /// The product with a constant that both hold exactly.
+    /// The product with a constant that is exact on both sides.
     fn times(self, constant: f64) -> Self;
-    /// The machine's side becomes a word; the exact side stays.
+    /// Quantises the machine side; the exact side is unchanged.
     fn fit(self, fit: &Fit, scale: Scale) -> Self;
-    /// The machine's side, a number with `frac_bits` fraction bits, becomes a word, by no shift:
-    /// nothing falls off where that has as many.
+    /// Quantises the machine side, which has `frac_bits` fraction bits, without a shift. It loses
+    /// nothing if the word has as many fraction bits.
     fn refit(self, frac_bits: i32, fit: &Fit) -> Self;
-    /// The quotient, on machine and exact side each: exact, as what [`Real::share`] and
-    /// [`Real::restored`] make words of.
+    /// The quotient on each side, exact: the operand of [`Real::share`] and [`Real::restored`].
     fn divided_by(self, whole: Self) -> Self;
-    /// A part of `whole`, which a power of two brings to [1, 2) on the machine's side, becomes a
-    /// word that saturates, by the same power.
+    /// Quantises a share of `whole` to a word that saturates. The machine side is scaled by the
+    /// power of two that brings `whole` to [1, 2).
     fn share(self, fit: &Fit, whole: Self) -> Self;
-    /// The same times `whole` and times 1/`whole` by a function unit.
+    /// Multiplies a share by `whole` and by the function unit's 1/`whole`.
     fn restored(self, unit: &Reciprocal, whole: Self) -> Self;
-    /// The power of two at or below the machine's magnitude, as a normaliser finds it.
+    /// The power of two at or below the magnitude of the machine side, as in a normaliser.
     fn leading(self) -> Scale;
     /// Magnitude.
     fn abs(self) -> Self;
-    /// The greater, of machine and exact side each.
+    /// The greater number, on each side.
     fn max(self, other: Self) -> Self;
-    /// The lesser, of machine and exact side each.
+    /// The smaller number, on each side.
     fn min(self, other: Self) -> Self;
-    /// The machine's side is at least this, a limit that the exact side does not have.
+    /// Limits the machine side from below; the exact side has no limit.
     fn at_least(self, limit: f64) -> Self;
-    /// The machine's side is at most this, a limit that the exact side does not have.
+    /// Limits the machine side from above; the exact side has no limit.
     fn at_most(self, limit: f64) -> Self;
-    /// The machine's side is at most a last place below 1, a limit that the exact side does not
-    /// have.
+    /// Limits the machine side to one ulp below 1; the exact side has no limit.
     fn below_one(self, fit: &Fit) -> Self;
-    /// The machine's side is at least a last place of the word that it is, a limit that the exact
-    /// side does not have.
+    /// Limits the machine side to at least one ulp of its word; the exact side has no limit.
     fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self;
-    /// The machine's side is a last place more than the word that it is.
+    /// Adds one ulp of its word to the machine side.
     fn a_place_more(self, fit: &Fit) -> Self;
-    /// Branches to what follows where this is at least the limit, and where it is not; machine and
-    /// exact side each decide for themselves.
+    /// Selects one of two continuations, by whether this number is at least the limit. Each side
+    /// decides separately.
     fn branch<const N: usize>(
         self,
         limit: Self,
@@ -168,55 +165,53 @@ pub trait Real:
     fn inverse_root(self, unit: &ReciprocalRoot) -> Self;
     /// √x of a number that is not negative, by a function unit.
     fn root(self, unit: &ReciprocalRoot) -> Self;
-    /// The magnitude with the sign of another number, by machine and exact side each.
+    /// The magnitude with the sign of another number, on each side.
     fn with_sign_of(self, other: Self) -> Self;
-    /// A monotone function over [0, `range`) that the machine reads from a table, to within `error`
-    /// before that is fitted.
+    /// A monotone function over [0, `range`), which the machine reads from a table with an error up
+    /// to `error` before the fit.
     fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Self;
-    /// e^(−x/2), or 1 below 0, that the machine reads from a table over [0, `range`) to within
-    /// `error` before that is fitted.
+    /// e^(−x/2), or 1 below 0, which the machine reads from a table over [0, `range`) with an error
+    /// up to `error` before the fit.
     fn falloff(self, table: &Table, range: f64, error: f64) -> Self;
     /// x^exponent of a number from 0 to 1, by a table.
     fn power(self, table: &Power) -> Self;
-    /// Light at a place of a map, each coordinate from 0 to 1.
+    /// Light at a point of a map, whose coordinates go from 0 to 1.
     fn look_up(place: [Self; 2], map: &RealMap) -> [Self; 3];
     /// |v|.
     fn length(v: [Self; 3]) -> Self;
-    /// v/|v| of parts of `whole` ([`Real::share`]), by a function unit for 1/√x; of 0 nothing that
-    /// means anything.
+    /// v/|v| for shares of `whole` ([`Real::share`]), by a function unit for 1/√x; meaningless for
+    /// 0.
     fn direction(v: [Self; 3], whole: Self, unit: &ReciprocalRoot) -> Direction<Self>;
     /// Σ dᵢ·vᵢ.
     fn dot(direction: &Direction<Self>, v: [Self; 3]) -> Self;
 }
 
-/// A number of the exact pipeline, and how far the machine's may lie from it.
+/// A number of the exact pipeline, and a bound of the machine's error.
 ///
-/// The value may be rounded as f64 rounds: each step widens the bound by that too.
+/// The value can have rounding errors of f64; each step adds them to the bound.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Near {
     /// The exact number.
     pub value: f64,
-    /// The machine's differs by at most this: never negative, never NaN, perhaps infinite.
+    /// Greatest difference of the machine's number: never negative, never NaN, can be infinite.
     pub error: f64,
 }
 
-/// What one operation in f64 may be wrong by, relative to its result; twice, for the bound's own
-/// arithmetic.
+/// Relative error of one operation in f64, doubled to include the arithmetic of the bound.
 const ROUNDING: f64 = f64::EPSILON;
 
 impl Near {
-    /// A number that the machine holds exactly.
+    /// A number that is exact in the machine.
     pub const fn exact(value: f64) -> Self {
         Near { value, error: 0.0 }
     }
 
-    /// A number, and a word that the machine holds in its place.
+    /// A number, and its word in the machine.
     pub fn held(value: f64, word: Word, held: i64) -> Self {
         Near::within(value, word.format.value(held) - value)
     }
 
-    /// A positive number, and a mantissa of that word and a power of two that the machine holds in
-    /// its place.
+    /// A positive number, and the mantissa and power of two that represent it in the machine.
     pub fn held_scaled(value: f64, word: Word, held: Scaled) -> Self {
         Near::within(
             value,
@@ -224,7 +219,7 @@ impl Near {
         )
     }
 
-    /// A number from which the machine's differs by at most |`error`|.
+    /// A number, with a machine side that differs by at most |`error`|.
     #[inline]
     pub fn within(value: f64, error: f64) -> Self {
         Near {
@@ -237,37 +232,37 @@ impl Near {
         }
     }
 
-    /// The number of which the machine's side lies in [low, high].
+    /// A number, with a machine side in [low, high].
     #[inline]
     fn between(value: f64, low: f64, high: f64) -> Self {
         Near::within(value, (high - value).max(value - low).max(0.0))
     }
 
-    /// The least that the machine's side can be.
+    /// The least value of the machine side.
     #[inline]
     pub fn low(self) -> f64 {
         self.value - self.error
     }
 
-    /// The greatest that the machine's side can be.
+    /// The greatest value of the machine side.
     #[inline]
     pub fn high(self) -> f64 {
         self.value + self.error
     }
 
-    /// The greatest magnitude of either side.
+    /// The greatest magnitude on either side.
     #[inline]
     pub fn most(self) -> f64 {
         self.value.abs() + self.error
     }
 
-    /// The same bound around a number that another program computed.
+    /// The same bound around a number that was computed elsewhere.
     #[inline]
     pub fn around(self, value: f64) -> Self {
         Near::within(value, self.error + (self.value - value).abs())
     }
 
-    /// This number where the machine's may also be another.
+    /// This number, with a machine side that can also be the other's.
     fn or(self, other: Near) -> Self {
         Near::between(
             self.value,
@@ -276,22 +271,22 @@ impl Near {
         )
     }
 
-    /// The machine's side becomes a word whose last place is worth `fine` to `coarse` and loses
-    /// that many places, down and up.
+    /// Quantises the machine side to a word with an ulp of `fine` to `coarse`, which loses `down`
+    /// and gains `up` ulp.
     ///
-    /// Then the limits. A word that wraps and may have left its range can be anything.
+    /// Then applies the limits. A word that wraps and can be out of range can have any value.
     #[inline]
     fn in_word(self, word: Word, [fine, coarse]: [f64; 2], [down, up]: [f64; 2]) -> Near {
         let (low, high) = (self.low() - down * coarse, self.high() + up * coarse);
         let (least, most) = (word.format.min() as f64, word.format.max() as f64);
-        // Mostly it keeps away from the limits: then nothing is a number that is none, either.
+        // Common case: away from the limits, so that NaN cannot occur.
         if least * fine <= low && high <= most * fine {
             return Near::within(self.value, self.error + down.max(up) * coarse);
         }
         self.at_limits(word, [low, high], [least, most], [fine, coarse])
     }
 
-    /// [`Near::in_word`] of what lies from `low` to `high` before the limits.
+    /// [`Near::in_word`] for machine sides from `low` to `high` before the limits.
     #[cold]
     fn at_limits(
         self,
@@ -313,29 +308,28 @@ impl Near {
         )
     }
 
-    /// The machine's side may be off by as much more.
+    /// Widens the bound by `error`.
     pub(crate) fn off_by(self, error: f64) -> Near {
         Near::within(self.value, self.error + error)
     }
 
-    /// A monotone function that the machine has to within `error`.
+    /// A monotone function, which the machine computes with an error up to `error`.
     fn function(self, exact: impl Fn(f64) -> f64, error: f64) -> Near {
         let (a, b) = (exact(self.low()), exact(self.high()));
         Near::between(exact(self.value), a.min(b) - error, a.max(b) + error)
     }
 
-    /// e^(−x/2), or 1 below 0, that the machine has to within `error`: x − d gives e^(d/2) times as
-    /// much as x.
+    /// e^(−x/2), or 1 below 0, which the machine computes with an error up to `error`. At x − d it
+    /// is e^(d/2) times its value at x.
     #[inline]
     fn falling(self, error: f64) -> Near {
         self.growing(falloff, self.error / 2.0, error)
     }
 
-    /// A monotone function that the machine has to within `error`, and that changes by at most
-    /// itself times e^`growth` − 1 within the bound.
+    /// A monotone function, which the machine computes with an error up to `error`, and which
+    /// changes by at most itself times e^`growth` − 1 within the bound.
     ///
-    /// e^y − 1 is at most y/(1 − y/2) as long as y is below 2: that takes less time than to ask for
-    /// the function at both ends.
+    /// e^y − 1 ≤ y/(1 − y/2) if y < 2, which is faster than two evaluations of the function.
     #[inline]
     fn growing(self, exact: impl Fn(f64) -> f64, growth: f64, error: f64) -> Near {
         if growth < 0.5 && self.value.is_finite() {
@@ -345,10 +339,10 @@ impl Near {
         self.function(exact, error)
     }
 
-    /// Whether machine and exact side may lie on different sides of a limit.
+    /// Whether both sides can be on different sides of a limit.
     #[inline]
     pub fn may_cross(self, limit: Near) -> bool {
-        // An infinite bound may cross anything, also where the difference is no number.
+        // An infinite bound can cross any limit, also if the difference is NaN.
         (self.value - limit.value)
             .abs()
             .partial_cmp(&(self.error + limit.error))
@@ -450,8 +444,8 @@ impl Real for Near {
         Near::between(value, least, most)
     }
 
-    /// The word holds x·w, with w the whole in [1, 2): its last place counts 1/w. A part with no
-    /// more places than the word has loses nothing.
+    /// The word holds x·w, where w is the whole in [1, 2): its ulp counts 1/w. A share with at most
+    /// the fraction bits of the word loses nothing.
     fn share(self, fit: &Fit, whole: Near) -> Near {
         let Scale { low, high } = whole.leading();
         let [least, most] = if low == high {
@@ -614,7 +608,7 @@ impl Real for Near {
         )
     }
 
-    /// A vector that is moved by d turns by at most the angle of sine |d|/|v|.
+    /// A vector that is moved by d rotates by at most the angle with sine |d|/|v|.
     fn direction(v: [Near; 3], _whole: Near, unit: &ReciprocalRoot) -> Direction<Near> {
         let length = Near::length(v);
         let part = |part: Near| {
@@ -631,7 +625,7 @@ impl Real for Near {
         }
     }
 
-    /// A direction at angle φ to v, turned by θ, has the cosine cos φ·cos θ ± sin φ·sin θ with it,
+    /// A direction at angle φ to v, rotated by θ, has the cosine cos φ·cos θ ± sin φ·sin θ with it,
     /// and has moved by at most √2·sin θ.
     fn dot(direction: &Direction<Near>, v: [Near; 3]) -> Near {
         let [x, y, z] = [0, 1, 2].map(|i| direction.parts[i] * v[i]);
@@ -663,8 +657,8 @@ fn norm([x, y, z]: [f64; 3]) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
-/// A falling function of a positive number, to within a relative error. Nothing is known where the
-/// machine's may be 0.
+/// A decreasing function of a positive number, with a relative error. The bound is infinite if the
+/// machine's number can be 0.
 fn inverse(x: Near, exact: impl Fn(f64) -> f64, error: f64) -> Near {
     let value = exact(x.value);
     if x.low() <= 0.0 {

@@ -1,16 +1,15 @@
-//! Partial precision: a machine of which some signals are words, and f64 takes the place of the
-//! rest.
+//! Mixed precision: a machine in which some signals are words, and the others are f64.
 //!
 //! ```text
 //! units over the reals ─►[ fit: is this signal on? ]─┬─ yes ─► the machine's word
-//!                                                    └─ no ──► the number as it is
+//!                                                    └─ no ──► the number, unchanged
 //! ```
-//! All off it is the exact pipeline, all on the machine, but for what f64 loses of products of more
-//! than 53 bits. Between the two it says who is to blame for an error: a unit alone in words, or
-//! all words but its own.
+//! With all signals off it is the exact pipeline. With all on it is the machine, except for
+//! products of more than 53 bits, which f64 rounds. Combinations in between attribute an error:
+//! only one unit in words, or all words except its own.
 //!
 //! Laws: `all_on_a_fit_is_the_machines`, `all_on_a_function_is_the_units`,
-//! `all_off_nothing_is_lost`; of the whole, tests/attribution.rs.
+//! `all_off_nothing_is_lost`; for whole frames, tests/attribution.rs.
 
 use super::{Direction, Real, Scale, floor_log2, norm, power_of_two};
 use crate::functions::map::real::RealMap;
@@ -19,7 +18,7 @@ use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::num::{Fit, Overflow, Rounding, Word};
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// Which signals are words, by their number in the elaborated machine's list.
+/// The signals that are words, by their index in the elaborated machine's list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Switches(pub Vec<bool>);
 
@@ -32,7 +31,7 @@ pub struct PartialPrecision<'a> {
     switches: Option<&'a Switches>,
 }
 
-/// ⌊x⌋, quickly where it is an integer of the host's.
+/// ⌊x⌋, fast for numbers in the range of i64.
 fn floor(x: f64) -> f64 {
     if x.abs() >= (1u64 << 52) as f64 || x.is_nan() {
         return x;
@@ -41,7 +40,7 @@ fn floor(x: f64) -> f64 {
     if cut > x { cut - 1.0 } else { cut }
 }
 
-/// A number in last places as a word.
+/// A number in ulp as a word.
 fn in_word(word: Word, places: f64) -> f64 {
     let rounded = match word.round {
         Rounding::Truncate => floor(places),
@@ -52,7 +51,7 @@ fn in_word(word: Word, places: f64) -> f64 {
     match word.overflow {
         Overflow::Saturate => rounded.clamp(least, most),
         Overflow::Wrap => {
-            // What lies far outside would lose its last places if anything were added to it.
+            // Numbers far outside the range would lose their low bits in an addition.
             let values = most - least + 1.0;
             let wrapped = rounded.rem_euclid(values);
             if wrapped > most {
@@ -78,13 +77,13 @@ impl<'a> PartialPrecision<'a> {
         self.switches.is_some_and(|switches| switches.0[fit.signal])
     }
 
-    /// Whether a function unit with this result is on, and can take the number: what is culled for
-    /// lying behind the eye comes this far.
+    /// Whether a function unit with this result is on, and accepts the number. Splats behind the
+    /// eye, which are culled, also reach this point.
     fn is_taken(self, result: &Fit) -> bool {
         self.is_on(result) && self.value.is_normal() && self.value > 0.0
     }
 
-    /// The number modulo the reach of a register, where that is on.
+    /// The number modulo the range of a register, if the register is on.
     pub fn wrapped(self, fit: &Fit) -> Self {
         if !self.is_on(fit) {
             return self;
@@ -97,7 +96,7 @@ impl<'a> PartialPrecision<'a> {
         if (least..least + reach).contains(&self.value) {
             return self;
         }
-        // Below its last place a register keeps what a word that is off puts there.
+        // A register that follows a word that is off has bits below its LSB.
         self.with(least + (self.value - least).rem_euclid(reach))
     }
 
@@ -141,8 +140,8 @@ impl<'a> Neg for PartialPrecision<'a> {
     }
 }
 
-/// A product without the last bits that f64 may have got wrong in a quotient that is multiplied
-/// again: those that would break a tie.
+/// A product without the last bits. They can be wrong after a division and a multiplication in f64,
+/// and would break ties.
 fn without_noise(product: f64) -> f64 {
     if product == 0.0 {
         return 0.0;
@@ -358,8 +357,7 @@ impl Real for PartialPrecision<'_> {
         v[0].with(norm(v.map(|part| part.value)))
     }
 
-    /// The unit sees the words that hold the parts, so many times as large as its normaliser makes
-    /// `whole`.
+    /// The unit's operands are the words of the shares, scaled as its normaliser scales `whole`.
     fn direction(v: [Self; 3], whole: Self, unit: &ReciprocalRoot) -> Direction<Self> {
         let mantissa = whole.value * power_of_two(-floor_log2(whole.value));
         let held = v.map(|part| part.with(without_noise(part.value * mantissa)));

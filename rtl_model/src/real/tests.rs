@@ -1,5 +1,5 @@
-//! Near against numbers picked from its intervals, and what the units' tests share: rng, and
-//! machines that nobody would design.
+//! Near, checked against numbers from its intervals; and shared parts of the units' tests: random
+//! numbers, and random machines.
 
 use super::*;
 use crate::Machine;
@@ -65,8 +65,8 @@ impl Rng {
         }
     }
 
-    /// A named machine, with some of the words, tables and function units changed that sums,
-    /// shading and blending go through.
+    /// A named machine in which some words, tables and function units of sums, shading and blending
+    /// are changed.
     pub fn machine(&mut self) -> Machine {
         let mut machine = Machine::named(self.one_of(&Machine::NAMES)).unwrap();
         for _ in 0..self.below(12) {
@@ -119,7 +119,7 @@ impl Rng {
         }
     }
 
-    /// A number that the machine may have for one of the exact pipeline's; often the farthest.
+    /// A possible number of the machine for an exact one; often the farthest.
     pub fn pick(&mut self, near: Near) -> f64 {
         let inside = self.between(-1.0, 1.0);
         near.value + near.error * self.one_of(&[-1.0, 1.0, 0.0, inside])
@@ -132,13 +132,14 @@ pub fn quantised(word: Word, value: f64) -> i64 {
     ((value * power_of_two(format.frac_bits)).round() as i64).clamp(format.min(), format.max())
 }
 
-/// A register, exactly and as the machine has it.
+/// A register: its word, and its exact and machine value.
 pub fn held(word: Word, value: f64) -> (i64, Near) {
     let word_held = quantised(word, value);
     (word_held, Near::held(value, word, word_held))
 }
 
-/// Share of a bound that the machine's number uses; it must be the exact number's, and hold.
+/// Share of a bound that the machine's number uses. The bound must be around the exact number, and
+/// hold.
 pub fn used(own: f64, exact: f64, bound: Near, what: &impl Debug) -> f64 {
     assert!(
         (bound.value - exact).abs() <= 1e-12,
@@ -149,7 +150,7 @@ pub fn used(own: f64, exact: f64, bound: Near, what: &impl Debug) -> f64 {
         error <= bound.around(exact).error,
         "{what:?}: {own}, exactly {exact}, {bound:?}"
     );
-    // What is lost in f64 is no loss of the machine's.
+    // Rounding errors of f64 are not the machine's.
     if bound.error > 1e-12 {
         error / bound.error
     } else {
@@ -157,7 +158,7 @@ pub fn used(own: f64, exact: f64, bound: Near, what: &impl Debug) -> f64 {
     }
 }
 
-/// The greatest part, and the sum of parts, that many inputs use of a bound.
+/// The greatest and the total share of a bound over many inputs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Use {
     worst: f64,
@@ -166,7 +167,7 @@ pub struct Use {
 }
 
 impl Use {
-    pub fn see(&mut self, used: f64) {
+    pub fn add(&mut self, used: f64) {
         *self = Use {
             worst: self.worst.max(used),
             sum: self.sum + used,
@@ -174,20 +175,20 @@ impl Use {
         };
     }
 
-    /// Some input uses more than `worst` of the bound, and the mean of them more than `mean`.
+    /// Whether some input uses more than `worst` of the bound, and the mean is more than `mean`.
     pub fn is_tight(&self, worst: f64, mean: f64) -> bool {
         self.worst > worst && self.sum > mean * self.count
     }
 }
 
-/// A number and one that the machine may have for it.
+/// An exact number with its bound, and a possible number of the machine.
 #[derive(Clone, Copy, Debug)]
-struct Pair {
+struct NearPair {
     near: Near,
     machine: f64,
 }
 
-impl Pair {
+impl NearPair {
     /// `fitted` rounds to 2^−30 first.
     fn holds(self) -> bool {
         (self.machine - self.near.value).abs() <= self.near.error + 1e-9
@@ -216,7 +217,7 @@ fn some_fit(rng: &mut Rng) -> Fit {
     )
 }
 
-/// The word of a fit, as its value, of a number that is no word itself.
+/// The value of the word that a fit makes of a real number.
 fn fitted(fit: &Fit, x: f64) -> f64 {
     let places = 30;
     let wide = Fit::new(
@@ -232,11 +233,11 @@ fn fitted(fit: &Fit, x: f64) -> f64 {
         .value(wide.one((x * power_of_two(places)).round() as i64))
 }
 
-/// One more number made of the others.
-fn step(rng: &mut Rng, pool: &[Pair]) -> Pair {
+/// A further number, computed from others in the pool.
+fn step(rng: &mut Rng, pool: &[NearPair]) -> NearPair {
     let [a, b] = [rng.one_of(pool), rng.one_of(pool)];
     let constant = rng.between(-2.0, 2.0);
-    let pair = |near: Near, machine: f64| Pair { near, machine };
+    let pair = |near: Near, machine: f64| NearPair { near, machine };
     match rng.below(15) {
         0 => pair(a.near + b.near, a.machine + b.machine),
         1 => pair(a.near - b.near, a.machine - b.machine),
@@ -307,12 +308,12 @@ fn step(rng: &mut Rng, pool: &[Pair]) -> Pair {
 fn near_holds_every_outcome() {
     for seed in 0..20_000 {
         let rng = &mut Rng::new(seed);
-        let mut pool: Vec<Pair> = Vec::new();
+        let mut pool: Vec<NearPair> = Vec::new();
         for _ in 0..4 {
             let error = rng.one_of(&[0.0, 1e-6, 1e-2, 0.5]) * rng.part();
             let value = rng.between(-2.0, 2.0);
             let near = Near::within(rng.one_of(&[0.0, 1.0, value, value]), error);
-            pool.push(Pair {
+            pool.push(NearPair {
                 near,
                 machine: rng.pick(near),
             });
@@ -327,8 +328,8 @@ fn near_holds_every_outcome() {
     }
 }
 
-/// All exact results of a few bits in all small words, at every shift: the bound holds them, and
-/// the farthest comes near it.
+/// All exact results of a few bits in all small words, at every shift: the bound holds for all of
+/// them, and is tight.
 #[test]
 fn a_fit_is_within_its_bound() {
     for (int_bits, frac_bits, signed) in [
@@ -360,8 +361,8 @@ fn a_fit_is_within_its_bound() {
                 for exponent in -3..3 {
                     let mut worst: f64 = 0.0;
                     for exact in -1023..=1023 {
-                        // The exact result is 2^exponent less than it was: it has so many more
-                        // fraction bits, and the word counts by as much.
+                        // The exact result is scaled by 2^−exponent: it has `exponent` more
+                        // fraction bits, and the word is scaled back.
                         let value = exact as f64 * power_of_two(-6);
                         let machine = word
                             .format
@@ -402,7 +403,8 @@ fn a_fit_is_within_its_bound() {
     }
 }
 
-/// Words of a part and its whole against their quotient: shares of wholes from 2^−9 to 2^4.
+/// Words of a share and its whole, checked against their quotient: shares of wholes from 2^−9 to
+/// 2^4.
 #[test]
 fn a_share_is_within_its_bound() {
     let mut worst: f64 = 0.0;
@@ -448,7 +450,7 @@ fn a_share_is_within_its_bound() {
     assert!(worst > 0.95, "{worst}");
 }
 
-/// Every argument of small tables; the farthest of them comes near the bound.
+/// Every argument of small tables; the bound is tight.
 #[test]
 fn a_power_is_within_its_bound() {
     for (interpolation, steps) in [
@@ -496,7 +498,7 @@ fn a_power_is_within_its_bound() {
                     } else {
                         worst
                     };
-                    // The same word where the exact number is another.
+                    // The same word for another exact number.
                     for off in [-0.2, -0.01, 1e-4, 0.03, 0.5] {
                         let near = Near::within(argument.value(x) + off, off).power(&power);
                         assert!(

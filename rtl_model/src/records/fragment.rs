@@ -1,4 +1,4 @@
-//! Fragment's records: contributions, what became of them, and what a pixel keeps.
+//! Fragment's records: contributions, decisions on them, and the contents of a pixel.
 
 /// Side of a tile, pixels.
 pub const TILE_PX: usize = 16;
@@ -9,15 +9,15 @@ pub const SUMS: usize = 8;
 /// Greatest number of layers.
 pub const MAX_LAYERS: usize = 8;
 
-/// The sums of one fragment, or the colour and opacity of a shaded one in the places of theirs.
+/// The sums of one fragment; of a shaded one, the colour and opacity instead of their sums.
 pub type Sums = [i64; SUMS];
-/// Where a fragment's weight sum lies.
+/// Index of the weight sum.
 pub const WEIGHT: usize = 0;
-/// Where its colour begins.
+/// Index of the first colour sum.
 pub const COLOUR: usize = 1;
-/// Where its opacity lies.
+/// Index of the opacity sum.
 pub const OPACITY: usize = 4;
-/// Where its normal begins.
+/// Index of the first normal sum.
 pub const NORMAL: usize = 5;
 
 /// Names of the sums' signals in the unit fragment.
@@ -32,13 +32,13 @@ pub const SUM_SIGNALS: [&str; SUMS] = [
     "normal_sum",
 ];
 
-/// A contribution's part that is the splat's: 1, r, g, b, α, n_x, n_y, n_z.
+/// The splat's factors in a contribution: 1, r, g, b, α, n_x, n_y, n_z.
 pub type Attributes = [i32; SUMS];
 
 /// Input port of fragment: one contribution to one pixel, as probes see it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contribution {
-    /// Which splat of the frame.
+    /// Index of the splat in the frame.
     pub splat: u32,
     /// r (`gauss.radial_index`).
     pub radial_index: i64,
@@ -48,41 +48,41 @@ pub struct Contribution {
     pub depth: i64,
 }
 
-/// Outcome of a contribution.
+/// Decision on a contribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
     /// Added to the fragment in this slot.
     Accumulated(u8),
-    /// Opened this free slot.
+    /// Inserted into this free slot.
     Inserted(u8),
-    /// Made two fragments merge: places in depth order, of `layers` + 1, of the front and the back
-    /// one.
+    /// Two fragments merged: indices of the front and the back one among `layers` + 1 fragments in
+    /// depth order.
     Merged(u8, u8),
-    /// Made the deepest fragment vanish behind an opaque one; `true` if it was the contribution
+    /// The deepest fragment was dropped behind an opaque one; `true` if it was the contribution
     /// itself.
     Evicted(bool),
-    /// Replaced what was there (z-buffer).
+    /// Replaced the pixel's fragment (z-buffer).
     Replaced,
-    /// Was dropped behind what was there (z-buffer).
+    /// Dropped behind the pixel's fragment (z-buffer).
     Dropped,
-    /// Came late: blended into this closed slot, over its front or under its back (windows).
+    /// Late: blended into this closed slot, over its front or under its back (windows).
     Late(u8, Side),
     /// Blended into this closed slot, between its front and its back (windows).
     Inside(u8),
-    /// Made two slots add up: the place of the front one, and that of the contribution, among
-    /// `layers` + 1 in depth order (windows).
+    /// Two slots were added: index of the front one and of the contribution, among `layers` + 1 in
+    /// depth order (windows).
     Summed(u8, u8),
-    /// Made the two deepest close, the deeper one behind or (`true`) inside of the other; the
-    /// contribution's place (windows).
+    /// The two deepest slots closed, the deeper one behind or (`true`) inside the other; index of
+    /// the contribution (windows).
     Closed(u8, bool),
 }
 
 /// Part of a closed slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Its nearest surface.
+    /// The nearest surface of the slot.
     Front,
-    /// Its deepest surface.
+    /// The deepest surface of the slot.
     Back,
 }
 
@@ -91,28 +91,28 @@ pub enum Side {
 pub struct Outcomes {
     /// Added to a fragment.
     pub accumulated: u64,
-    /// Opened a slot.
+    /// Inserted into a free slot.
     pub inserted: u64,
-    /// Made two fragments merge.
+    /// Two fragments merged.
     pub merged: u64,
-    /// Made the deepest fragment vanish.
+    /// The deepest fragment was dropped.
     pub evicted: u64,
     /// Replaced a fragment.
     pub replaced: u64,
-    /// Was dropped.
+    /// Dropped.
     pub dropped: u64,
-    /// Came late to a closed slot.
+    /// Late, into a closed slot.
     pub late: u64,
-    /// Blended inside of a closed slot.
+    /// Blended inside a closed slot.
     pub inside: u64,
-    /// Made two slots add up.
+    /// Two slots were added.
     pub summed: u64,
     /// Contributions to the busiest pixel.
     pub most_in_a_pixel: u64,
 }
 
 impl Outcomes {
-    /// Counts one.
+    /// Counts one decision.
     #[inline(always)]
     pub fn count(&mut self, decision: Decision) {
         match decision {
@@ -128,7 +128,7 @@ impl Outcomes {
         }
     }
 
-    /// Adds what another part of the frame counted.
+    /// Adds the counts of another part of the frame.
     pub fn absorb(&mut self, other: &Outcomes) {
         self.accumulated += other.accumulated;
         self.inserted += other.inserted;
@@ -142,7 +142,7 @@ impl Outcomes {
         self.most_in_a_pixel = self.most_in_a_pixel.max(other.most_in_a_pixel);
     }
 
-    /// All contributions.
+    /// Number of contributions.
     pub fn total(&self) -> u64 {
         self.accumulated
             + self.inserted
@@ -156,7 +156,7 @@ impl Outcomes {
     }
 }
 
-/// Answer of shade: a fragment's colour times its opacity, and its opacity (`shade.premultiplied`).
+/// Result of shade: a fragment's colour times its opacity, and its opacity (`shade.premultiplied`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Premultiplied {
     /// Colour times opacity.
@@ -165,7 +165,7 @@ pub struct Premultiplied {
     pub opacity: i64,
 }
 
-/// A fragment outside its slot.
+/// A fragment, unpacked from its slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slot {
     /// Sums, or shaded colour and opacity.
@@ -178,25 +178,25 @@ pub struct Slot {
     pub shaded: bool,
 }
 
-/// Bits of a sheet's number.
+/// Bits of a sheet number.
 pub const SHEET_BITS: i32 = 31;
 
-/// In the key of the composite: the pixel takes nothing more.
+/// Flag in the key of the composite: the pixel accepts no further sheets.
 pub const STOPPED: i32 = 1;
 
-/// A pixel of sheets, as it is outside its slots.
+/// A pixel with sheets, unpacked from its slots.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Held {
-    /// It takes nothing more.
+    /// The pixel accepts no further sheets.
     pub stopped: bool,
-    /// Sums of what has been blended.
+    /// Sums of the blended sheets.
     pub composite: Sums,
-    /// The open sheet, if there is one: its number and its sums.
+    /// The number and the sums of the open sheet, if any.
     pub open: Option<(u32, Sums)>,
 }
 
 impl Held {
-    /// A pixel by its slots: what has been blended, and maybe an open sheet.
+    /// Unpacks a pixel's slots: the composite, then the open sheet, if any.
     pub fn of(slots: &[Slot]) -> Self {
         let composite = slots.first().copied().unwrap_or_default();
         Held {

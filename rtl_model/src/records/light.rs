@@ -1,4 +1,4 @@
-//! Light's records: what goes into shade and resolve, and what comes out.
+//! Light's records: inputs and outputs of shade and resolve.
 
 /// Input port of shade: one fragment's sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +13,7 @@ pub struct ShadeInput {
     pub normal: [i64; 3],
     /// Index into the frame's materials.
     pub material: u32,
-    /// Column and row; 0 of a splat that is lit before it has any.
+    /// Column and row; 0 for a splat that is lit in setup.
     pub pixel: [i64; 2],
 }
 
@@ -29,13 +29,13 @@ pub struct ShadeOutput {
 /// Input port of resolve: one layer of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Layer {
-    /// Slot it was in.
+    /// Index of its slot.
     pub slot: usize,
     /// z (`fragment.depth`).
     pub depth: i64,
     /// Σw (`fragment.weight_sum`), 0 if it was merged.
     pub weight: i64,
-    /// Whether it was merged, and so shaded, before.
+    /// Whether it was merged, and is therefore shaded already.
     pub merged: bool,
     /// Colour times opacity (`shade.premultiplied`).
     pub colour: [i64; 3],

@@ -1,5 +1,5 @@
-//! Records: what crosses the ports between units, and what is decided there. They lie below probes
-//! and units, so that both can name them.
+//! Records that cross the ports between units, and decisions of units. They are below probes and
+//! units, so that both can name them.
 
 mod fragment;
 mod light;
@@ -17,9 +17,9 @@ use crate::num::Word;
 /// A named place where bits can be lost.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Signal {
-    /// The unit it belongs to.
+    /// Its unit.
     pub unit: &'static str,
-    /// Its name there.
+    /// Its name in the unit.
     pub name: String,
     /// Its word.
     pub word: Word,

@@ -1,6 +1,6 @@
-//! Unit: the names of the units, once: signals, parts, ports and cycles are called by them.
+//! Unit: the names of the units. Signals, parts, ports and cycles use them.
 
-/// Records out of memory, and of a tree those that a view needs.
+/// Reads records from memory, and only those that a view needs if the scene is a tree.
 pub const FETCH: &str = "fetch";
 /// World point → camera → pixel.
 pub const PROJECT: &str = "project";
@@ -8,40 +8,37 @@ pub const PROJECT: &str = "project";
 pub const ELLIPSE: &str = "ellipse";
 /// Spherical harmonics → colour.
 pub const COLOUR: &str = "colour";
-/// Splats into the order of their depths.
+/// Sorts splats by depth.
 pub const SORT: &str = "sort";
 /// Ellipse → fragments.
 pub const RASTER: &str = "raster";
 /// Radial index → weight.
 pub const GAUSS: &str = "gauss";
-/// At most l fragments a pixel.
+/// At most l fragments per pixel.
 pub const FRAGMENT: &str = "fragment";
 /// Normalise and light.
 pub const SHADE: &str = "shade";
-/// Mirror surroundings.
+/// Reflect surroundings.
 pub const REFLECT: &str = "reflect";
 /// Blend into the frame.
 pub const RESOLVE: &str = "resolve";
 
-/// All of them that have words and ports, in the order of the diagram. Whoever lists units takes
-/// them from here.
+/// All units with words and ports, in the order of the diagram. Every list of units uses this one.
 pub const ALL: [&str; 8] = [
     PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE,
 ];
 
-/// All of them that are built of parts: colour too, and fetch where it walks trees, which have no
-/// words yet.
+/// All units with parts. Colour, and fetch where it walks trees, have no words yet.
 pub const BUILT: [&str; 11] = [
     FETCH, PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
 ];
 
-/// All of them that have words: those that have ports, and reflect, which stands in shade and has
-/// that one's.
+/// All units with words: those with ports, and reflect, which is inside shade and shares its ports.
 pub const WORDED: [&str; 9] = [
     PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
 ];
 
-/// Some of them behind one thing more: what comes before the first unit.
+/// `units`, with `first` in front.
 pub const fn after<const N: usize, const M: usize>(
     first: &'static str,
     units: [&'static str; N],

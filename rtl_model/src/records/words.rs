@@ -1,8 +1,8 @@
-//! Words: records of ports as the trace and the twins have them, each declared once: its fields, by
+//! Words: the port records of traces and RTL implementations, each declared once with its fields by
 //! name, in their order.
 //!
-//! A record of words, and its layout in the stream, are the same declaration with another `T`: what
-//! forgets a field does not compile.
+//! A record of words and its layout in the stream are the same declaration with another `T`, so a
+//! missing field does not compile.
 
 /// Declares a record.
 macro_rules! record {
@@ -32,7 +32,7 @@ macro_rules! record {
                 [$(self.$field),*]
             }
 
-            /// Each field made into something else.
+            /// Applies `of` to each field.
             pub fn map<U>(self, mut of: impl FnMut(T) -> U) -> $name<U> {
                 $name { $($field: of(self.$field)),* }
             }
@@ -41,7 +41,7 @@ macro_rules! record {
 }
 
 record! {
-    /// `project.out`; of discs without [`TRANSPARENT`].
+    /// `project.out`; for discs without [`TRANSPARENT`].
     ProjectOut {
         near, outside, transparent,
         forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope_x, slope_y, pixel_x, pixel_y,
@@ -97,14 +97,14 @@ record! {
 }
 
 record! {
-    /// `fragment.in` where they are grouped by intervals or windows.
+    /// `fragment.in` where fragments are grouped by intervals or windows.
     WindowIn {
         x, y, weight, depth, red, green, blue, opacity, normal_x, normal_y, normal_z, material, light_r, light_g, light_b, density,
     }
 }
 
 record! {
-    /// `fragment.in` where they are grouped by sheets.
+    /// `fragment.in` where fragments are grouped by sheets.
     SheetIn { x, y, weight, sheet, red, green, blue }
 }
 
@@ -112,7 +112,7 @@ record! {
 pub const PROJECTED: usize = ProjectOut::WORDS;
 /// Flags of `project.out`, the first words of a record.
 pub const PROJECT_FLAGS: usize = 3;
-/// The place of the flag `transparent` among them, which discs do not have.
+/// Index of the flag `transparent`, which discs do not have.
 pub const TRANSPARENT: usize = 2;
 /// Words of a record of `ellipse.out`.
 pub const SET_UP: usize = EllipseOut::WORDS;

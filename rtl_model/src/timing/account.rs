@@ -1,66 +1,66 @@
-//! Account: each cycle of a unit is busy, starved, blocked or memory's.
+//! Account: each cycle of a unit is busy, starved, blocked or spent on memory.
 //!
 //! Laws: `every_cycle_of_the_default_machines_is_accounted_for`, `a_frame_ticks_as_it_is_replayed`.
 
 use crate::elaboration::microarchitecture::Pace;
 use std::collections::VecDeque;
 
-/// Cycles of a unit. They sum to the frame's.
+/// Cycles of a unit. Their sum is the number of cycles of the frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Account {
-    /// An item holds it.
+    /// Occupied by an item.
     pub busy: u64,
-    /// No item is here.
+    /// No item has arrived.
     pub starved: u64,
-    /// An item is here, but may not be taken.
+    /// An item has arrived, but must stall.
     pub blocked: u64,
-    /// Waiting for memory: what the item needs is on its way.
+    /// An item has arrived, but data from memory has not.
     pub memory: u64,
 }
 
-/// Cause of a wait besides items and room.
+/// Cause of a stall other than memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wait {
-    /// A unit before it or behind it.
+    /// The unit before it or behind it.
     Unit(&'static str),
-    /// Itself: the same pixel is still under way.
+    /// The unit itself: the same pixel is still in flight.
     Hazard,
 }
 
 /// Detail in which a frame's time is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Detail {
-    /// The frame's cycles, and nothing of its units.
+    /// Only the cycles of the frame.
     Total,
-    /// Each unit's cycles, and who made it wait.
+    /// Also the cycles of each unit, and the causes of its stalls.
     Accounts,
-    /// Occupancy of the places behind it, too, and when it was used.
+    /// Also the occupancy of the places behind each unit, and its timeline.
     Histograms,
-    /// Every item and every request to memory, too.
+    /// Also every item and every request to memory.
     Log,
 }
 
-/// A unit's cycles, and who made it wait.
+/// A unit's cycles, and the causes of its stalls.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnitCycles {
     /// Its name.
     pub name: &'static str,
-    /// Which of several side by side.
+    /// Index among parallel units.
     pub index: u32,
     /// Items taken.
     pub items: u64,
     /// Its cycles.
     pub account: Account,
-    /// When it, and those beside it, took each item; only of [`Detail::Log`].
+    /// Cycles in which this unit and those parallel to it took each item; only for [`Detail::Log`].
     pub log: Vec<u64>,
-    /// When it had items; of [`Detail::Histograms`] and above.
+    /// Cycles with an item over time; for [`Detail::Histograms`] and above.
     pub timeline: Option<Timeline>,
-    /// Unit that starved it; nobody starves the first.
+    /// The unit that starves it; none for the first unit.
     pub starved_by: Option<&'static str>,
     /// Units that blocked it, with cycles.
     pub blocked_by: Vec<(Wait, u64)>,
-    /// Count of items that it took while so many waited behind it, in the FIFO or under way; of
-    /// [`Detail::Histograms`] and above.
+    /// Number of items that it took at each occupancy of the places behind it, FIFO and pipeline;
+    /// for [`Detail::Histograms`] and above.
     pub occupancy: Vec<u64>,
 }
 
@@ -69,14 +69,15 @@ pub struct UnitCycles {
 pub struct Timeline {
     /// Cycles of a window.
     pub window: u64,
-    /// Such cycles in each; of the cache those too in which a look-up waits for memory.
+    /// Cycles with an item in each window; for the cache, also those in which a look-up stalls for
+    /// memory.
     pub busy: Vec<u64>,
-    /// Where the last window ends, and what belongs into it but is not there yet.
+    /// End of the last window, and its cycles that are not added yet.
     end: u64,
     now: u64,
 }
 
-/// Most windows; then two become one.
+/// Greatest number of windows; when it is exceeded, pairs of windows are joined.
 const WINDOWS: usize = 256;
 
 impl Default for Timeline {
@@ -103,7 +104,7 @@ impl Timeline {
         }
     }
 
-    /// Cycles from this one on, which is not before the last one's.
+    /// Adds cycles from `from` on, which is not before the previous ones.
     #[inline(always)]
     fn add(&mut self, from: u64, mut cycles: u64) {
         if from + cycles > self.end {
@@ -112,8 +113,7 @@ impl Timeline {
         self.now += cycles;
     }
 
-    /// Fills all windows but the one in which they end; says how many of the cycles are left for
-    /// that.
+    /// Fills all windows except the one in which the cycles end; returns the cycles of that one.
     #[cold]
     fn fill(&mut self, mut from: u64, mut cycles: u64) -> u64 {
         while from + cycles > self.end {
@@ -133,7 +133,7 @@ impl Timeline {
         cycles
     }
 
-    /// Puts into the last window what belongs there.
+    /// Adds the remaining cycles to the last window.
     fn close(&mut self) {
         if let Some(last) = self.busy.last_mut() {
             *last += std::mem::take(&mut self.now);
@@ -141,37 +141,37 @@ impl Timeline {
     }
 }
 
-/// The places behind a unit, which take turns: an item has the place of the one that came so many
-/// before it as there are places.
+/// The places behind a unit, used in rotation: an item uses the place of the item that came `room`
+/// items earlier.
 #[derive(Clone, Debug)]
-pub struct Places {
-    /// From when on the place of an item is free again, by the item's number: as many as there are
-    /// places, rounded up to a power of two.
+pub struct UnitPlaces {
+    /// By item index, the cycle from which its place is free again. As many entries as places,
+    /// rounded up to a power of two.
     free: Box<[u64]>,
-    /// Items that had so many places so far, that were given a cycle, and that were given back.
+    /// Items that have a place so far, that were given a cycle, and whose place was given back.
     claimed: usize,
     counted: usize,
     given: usize,
-    /// Items that had left when one was counted last.
+    /// Items that had left when the last one was counted.
     left: usize,
     room: usize,
     mask: usize,
-    /// Items that nothing comes of: from when on the place of the first of some is free again, and
-    /// how many there are, a cycle apart. The first of them come first.
+    /// Items without a result, in runs of one per cycle: the cycle from which the first place of a
+    /// run is free again, and the length of the run; in order of time.
     vanishing: VecDeque<(u64, u64)>,
-    /// How many these are: those among them that have vanished are found out when it matters.
+    /// Their total. Those that have already vanished are removed when it matters.
     vanishing_items: u64,
-    /// Whether it is asked how many are taken, and how often so many were.
+    /// Whether occupancies are counted.
     is_counted: bool,
     occupancy: Box<[u64]>,
 }
 
-impl Places {
+impl UnitPlaces {
     pub fn new(room: usize, is_counted: bool) -> Self {
         let size = room.next_power_of_two();
         let (free, occupancy) = (vec![0; size].into(), vec![0; room + 1].into());
         let vanishing = VecDeque::new();
-        Places {
+        UnitPlaces {
             free,
             claimed: 0,
             counted: 0,
@@ -191,19 +191,19 @@ impl Places {
         item & self.mask
     }
 
-    /// Whether it is known when one is free.
-    pub fn is_known(&self) -> bool {
+    /// Whether the cycle in which a place is free is known.
+    pub fn is_scheduled(&self) -> bool {
         self.claimed - self.given < self.room
     }
 
-    /// The first cycle in which one is free.
+    /// The first cycle in which a place is free.
     #[inline(always)]
     pub fn free(&self) -> u64 {
-        // Before the first item lie cycles that nobody has written yet.
+        // The entries before the first item are 0.
         self.free[self.at(self.claimed.wrapping_sub(self.room))]
     }
 
-    /// The first cycle from this one on in which one is free, where some are taken by items that
+    /// The first cycle from `now` on in which a place is free, including the places of items that
     /// vanish.
     #[inline(always)]
     pub fn free_from(&mut self, now: u64) -> u64 {
@@ -214,15 +214,15 @@ impl Places {
         }
     }
 
-    /// Whether one is free beside so many that items which vanish have.
+    /// Whether a place is free if `vanishing` items without a result occupy places.
     #[inline(always)]
     fn are_free(&self, now: u64, vanishing: u64) -> bool {
         let places = self.room.saturating_sub(vanishing as usize);
         places > 0 && self.free[self.at(self.claimed.wrapping_sub(places))] <= now
     }
 
-    /// The same where it matters which have vanished by now. Who asks may still find another reason
-    /// to take it sooner, so that only what has vanished by now is forgotten.
+    /// [`Self::free_from`] where it matters which items have vanished by now. The caller can have
+    /// another reason to take an item earlier, so only items that have vanished by now are removed.
     #[inline(never)]
     fn free_late(&mut self, now: u64) -> u64 {
         while let Some((first, count)) = self
@@ -230,9 +230,9 @@ impl Places {
             .front_mut()
             .filter(|(first, _)| *first <= now)
         {
-            let gone = (*count).min(now + 1 - *first);
-            (*first, *count) = (*first + gone, *count - gone);
-            self.vanishing_items -= gone;
+            let vanished = (*count).min(now + 1 - *first);
+            (*first, *count) = (*first + vanished, *count - vanished);
+            self.vanishing_items -= vanished;
             if *count == 0 {
                 self.vanishing.pop_front();
             }
@@ -242,20 +242,20 @@ impl Places {
         }
         let (mut at, mut left) = (now, self.vanishing_items);
         for (first, count) in &self.vanishing {
-            for again in *first..first + count {
-                // Until then so many are left, and what is given back may be sooner.
-                let given = self.given_beside(left).max(at);
-                if given <= again {
+            for end in *first..first + count {
+                // Until then `left` items remain, and a place can be given back earlier.
+                let given = self.given_except(left).max(at);
+                if given <= end {
                     return given;
                 }
-                (at, left) = (again, left - 1);
+                (at, left) = (end, left - 1);
             }
         }
-        self.given_beside(left).max(at)
+        self.given_except(left).max(at)
     }
 
-    /// From when on one is free beside so many that items which vanish have.
-    fn given_beside(&self, vanishing: u64) -> u64 {
+    /// The cycle from which a place is free if `vanishing` items without a result occupy places.
+    fn given_except(&self, vanishing: u64) -> u64 {
         let places = self.room.saturating_sub(vanishing as usize);
         if places == 0 {
             u64::MAX
@@ -264,16 +264,16 @@ impl Places {
         }
     }
 
-    /// Whether any number of items that vanish can be taken from this cycle on, one a cycle, each
-    /// of which has its place for so many: at most one less than that have one beside those that
-    /// were taken before.
+    /// Whether a run of items that vanish, one per cycle from `now` on, never stalls. Each has its
+    /// place for `latency` cycles, so at most `latency` − 1 of them occupy places besides the items
+    /// before.
     #[inline(always)]
     pub fn has_run(&self, now: u64, latency: u32) -> bool {
         self.are_free(now, u64::from(latency) - 1)
     }
 
-    /// So many items that vanish were taken, a cycle apart; the place of the first is free again
-    /// from this cycle on.
+    /// Records a run of items that vanish, one per cycle. The place of the first is free again from
+    /// `from` on.
     #[inline(always)]
     pub fn vanish(&mut self, from: u64, items: u64) {
         let last = items.min(self.room as u64);
@@ -281,20 +281,20 @@ impl Places {
         self.vanishing_items += last;
     }
 
-    /// Takes one in a cycle in which one is free.
+    /// Takes a place in a cycle in which one is free.
     #[inline(always)]
     pub fn take(&mut self, now: u64) {
         self.claim();
         self.count(now);
     }
 
-    /// Takes one of which [`count`](Self::count) is told when, as soon as it is known.
+    /// Takes a place; [`count`](Self::count) adds the cycle when it is known.
     #[inline(always)]
     pub fn claim(&mut self) {
         self.claimed += 1;
     }
 
-    /// The next one was taken in this cycle; it is said of all before it when they are given back.
+    /// The cycle of the next item that claimed a place. It is given before its place is given back.
     #[inline(always)]
     pub fn count(&mut self, now: u64) {
         if !self.is_counted {
@@ -307,7 +307,7 @@ impl Places {
         self.occupancy[self.counted - self.left] += 1;
     }
 
-    /// Gives the one back that was taken first.
+    /// Gives back the place that was taken first.
     #[inline(always)]
     pub fn give(&mut self, now: u64) {
         let at = self.at(self.given);
@@ -316,52 +316,52 @@ impl Places {
     }
 }
 
-/// A unit at work.
+/// A unit during a replay.
 #[derive(Clone, Debug)]
 pub struct Unit {
     name: &'static str,
     starved_by: Option<&'static str>,
     blocked_by: Option<&'static str>,
-    /// Of those that work side by side the one whose turn it is, and the others by their place; its
-    /// own holds nothing of worth.
-    side: Side,
-    sides: Box<[Side]>,
-    /// Of the one whose turn it is, and the others by their place, as with sides.
+    /// State of the current one of the parallel units. Its entry in `states` is stale.
+    state: UnitState,
+    states: Box<[UnitState]>,
+    /// Timeline of the current unit. Its entry in `timelines` is stale.
     timeline: Timeline,
     timelines: Box<[Timeline]>,
-    /// All bits: items hold it; none: it is infinitely fast, to see what it costs.
+    /// Mask of cycles: 0 for a unit that is infinitely fast, to measure its cost.
     held: u64,
-    /// Whether more is asked of it than when it is free.
-    is_told: bool,
-    /// When it took each item, for whoever wants to know.
+    /// Whether cycles are accounted.
+    is_accounted: bool,
+    /// Cycles in which it took its items.
     log: Option<Vec<u64>>,
-    /// Whether there are others, a timeline or a log.
+    /// Whether there are parallel units, a timeline or a log.
     is_rare: bool,
-    /// How many like it come before those that take turns here.
+    /// Number of units of this kind before these parallel ones.
     others: u32,
-    pub behind: Places,
+    pub behind: UnitPlaces,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Side {
+struct UnitState {
     index: u32,
-    /// When it can take another: not before the one before it took the last.
+    /// The first cycle in which it can take an item. Not before the cycle of the previous unit's
+    /// last item.
     free: u64,
     items: u64,
-    /// All but when it is starved: that is the rest.
+    /// All cycles except the starved ones, which are the rest.
     account: Account,
-    /// Cycles blocked by itself.
+    /// Cycles blocked by the unit itself.
     hazard: u64,
 }
 
-/// When an item can be taken.
+/// Cycles from which an item can be taken.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ready {
-    /// The unit before has it done.
+    /// The unit before has finished it.
     pub here: u64,
-    /// First cycle in which what it needs has come from memory.
+    /// Its data has arrived from memory.
     pub memory: u64,
-    /// No pixel of it is under way.
+    /// None of its pixels is in flight.
     pub hazard: u64,
     /// There is room behind, if it needs any.
     pub room: u64,
@@ -380,33 +380,34 @@ impl Unit {
             name,
             starved_by,
             blocked_by,
-            side: Side::default(),
-            sides: (0..pace.units)
-                .map(|index| Side {
+            state: UnitState::default(),
+            states: (0..pace.units)
+                .map(|index| UnitState {
                     index,
-                    ..Side::default()
+                    ..UnitState::default()
                 })
                 .collect(),
             timeline: Timeline::new(detail),
             timelines: (0..pace.units).map(|_| Timeline::new(detail)).collect(),
             held: if lifted == Some(name) { 0 } else { u64::MAX },
-            is_told: detail > Detail::Total || pace.units > 1,
+            is_accounted: detail > Detail::Total || pace.units > 1,
             log: logged.then(Vec::new),
             is_rare: detail >= Detail::Histograms || pace.units > 1,
             others: 0,
-            behind: Places::new(pace.room(), detail >= Detail::Histograms),
+            behind: UnitPlaces::new(pace.room(), detail >= Detail::Histograms),
         }
     }
 
-    /// Behind so many like it that take items of their own.
+    /// Index of the first of these units, after `others` units of the same kind with their own
+    /// items.
     pub fn behind_others(self, others: u32) -> Self {
         Unit { others, ..self }
     }
 
-    /// When it would take an item.
+    /// The cycle in which it would take an item.
     #[inline(always)]
     pub fn when(&self, ready: Ready) -> u64 {
-        self.side
+        self.state
             .free
             .max(ready.here)
             .max(ready.memory)
@@ -414,86 +415,86 @@ impl Unit {
             .max(ready.room)
     }
 
-    /// Takes the next item, which holds it for so many cycles; says when.
+    /// Takes the next item, which occupies it for `cycles`; returns the cycle.
     #[inline(always)]
     pub fn take(&mut self, ready: Ready, cycles: u64) -> u64 {
         self.hold(ready, 1, cycles, cycles)
     }
 
-    /// Takes the next item, which holds it for so many cycles, of which it works so many and waits
-    /// for memory in the others.
+    /// Takes the next item, which occupies it for `cycles`: `busy` cycles of work, and a stall for
+    /// memory in the others.
     #[inline(always)]
     pub fn take_with_memory(&mut self, ready: Ready, busy: u64, cycles: u64) -> u64 {
         self.hold(ready, 1, busy.min(cycles), cycles)
     }
 
-    /// Takes so many items, a cycle each, that need no room; says when it takes the first.
+    /// Takes `items` items, one per cycle, that need no room; returns the cycle of the first.
     #[inline(always)]
     pub fn take_run(&mut self, ready: Ready, items: u64) -> u64 {
         self.hold(ready, items, items, items)
     }
 
-    /// Waits as if for an item, and takes none.
-    pub fn wait(&mut self, ready: Ready) {
+    /// Stalls as for an item, without taking one.
+    pub fn stall(&mut self, ready: Ready) {
         self.hold(ready, 0, 0, 0);
     }
 
     #[inline(always)]
     fn hold(&mut self, ready: Ready, items: u64, busy: u64, cycles: u64) -> u64 {
         let (busy, cycles) = (busy & self.held, cycles & self.held);
-        let side = &mut self.side;
-        let here = side.free.max(ready.here);
+        let state = &mut self.state;
+        let here = state.free.max(ready.here);
         let with_memory = here.max(ready.memory);
         let unblocked = with_memory.max(ready.hazard);
         let now = unblocked.max(ready.room);
-        side.free = now + cycles;
-        if !self.is_told {
+        state.free = now + cycles;
+        if !self.is_accounted {
             return now;
         }
-        side.account.memory += with_memory - here + cycles - busy;
-        side.hazard += unblocked - with_memory;
-        side.account.blocked += now - with_memory;
-        side.account.busy += busy;
-        side.items += items;
+        state.account.memory += with_memory - here + cycles - busy;
+        state.hazard += unblocked - with_memory;
+        state.account.blocked += now - with_memory;
+        state.account.busy += busy;
+        state.items += items;
         if self.is_rare {
-            self.hand_on(now, items, cycles);
+            self.rotate(now, items, cycles);
         }
         now
     }
 
-    /// Tells when items held it that were taken a cycle apart, and gives the turn to the next side:
-    /// in order, so never before the item before.
+    /// Records the cycles of items that were taken one per cycle, and selects the next parallel
+    /// unit. Units take items in order, so never before the previous item.
     #[inline(never)]
-    fn hand_on(&mut self, now: u64, items: u64, cycles: u64) {
+    fn rotate(&mut self, now: u64, items: u64, cycles: u64) {
         self.timeline.add(now, cycles);
         if let Some(log) = &mut self.log {
             log.extend(now..now + items);
         }
-        let index = self.side.index as usize;
-        if self.sides.len() == 1 {
+        let index = self.state.index as usize;
+        if self.states.len() == 1 {
             return;
         }
-        let next = if index + 1 == self.sides.len() {
+        let next = if index + 1 == self.states.len() {
             0
         } else {
             index + 1
         };
-        self.sides[index] = self.side;
-        self.side = self.sides[next];
+        self.states[index] = self.state;
+        self.state = self.states[next];
         std::mem::swap(&mut self.timeline, &mut self.timelines[index]);
         std::mem::swap(&mut self.timeline, &mut self.timelines[next]);
-        self.side.free = self.side.free.max(now);
+        self.state.free = self.state.free.max(now);
     }
 
-    /// What it did by now, as somebody else found: when it is free, items, cycles, and those
+    /// Sets the state that a batched replay computed: when it is free, items, cycles, and cycles
     /// blocked by itself.
-    pub fn put(&mut self, free: u64, items: u64, account: Account, hazard: u64) {
-        self.side = Side {
+    pub fn set_state(&mut self, free: u64, items: u64, account: Account, hazard: u64) {
+        self.state = UnitState {
             free,
             items,
             account,
             hazard,
-            ..self.side
+            ..self.state
         };
     }
 
@@ -502,25 +503,26 @@ impl Unit {
         self.held == 0
     }
 
-    /// When the unit that has the next turn is free.
+    /// The cycle from which the current unit is free.
     #[inline(always)]
     pub fn free(&self) -> u64 {
-        self.side.free
+        self.state.free
     }
 
-    /// When each that takes turns is free, and what it did until then; starved is not told.
+    /// For each parallel unit, the cycle from which it is free, and its account until then without
+    /// starved cycles.
     pub fn so_far(&self) -> impl Iterator<Item = (u64, Account)> {
-        let now = |side: &Side| {
-            if side.index == self.side.index {
-                self.side
+        let now = |state: &UnitState| {
+            if state.index == self.state.index {
+                self.state
             } else {
-                *side
+                *state
             }
         };
-        self.sides
+        self.states
             .iter()
             .map(now)
-            .map(|side| (side.free, side.account))
+            .map(|state| (state.free, state.account))
     }
 
     /// Its name.
@@ -528,21 +530,21 @@ impl Unit {
         self.name
     }
 
-    /// When all that it took is done with it.
+    /// The cycle in which the last of its items is done.
     pub fn done(&self) -> u64 {
-        self.sides
+        self.states
             .iter()
-            .fold(self.side.free, |done, side| done.max(side.free))
+            .fold(self.state.free, |done, state| done.max(state.free))
     }
 
-    /// Its cycles in a frame of so many: at the end it is starved.
+    /// Its cycles in a frame of `total` cycles. The remaining ones are starved.
     pub fn cycles(self, total: u64) -> Vec<UnitCycles> {
         let Unit {
             name,
             starved_by,
             blocked_by,
-            side,
-            mut sides,
+            state,
+            mut states,
             behind,
             log,
             timeline,
@@ -551,10 +553,10 @@ impl Unit {
             ..
         } = self;
         let mut log = log.unwrap_or_default();
-        sides[side.index as usize] = side;
-        timelines[side.index as usize] = timeline;
+        states[state.index as usize] = state;
+        timelines[state.index as usize] = timeline;
         timelines.iter_mut().for_each(Timeline::close);
-        let mut of = |side: Side| {
+        let mut of = |state: UnitState| {
             let (
                 index,
                 Account {
@@ -563,12 +565,12 @@ impl Unit {
                     memory,
                     ..
                 },
-            ) = (side.index, side.account);
-            let by_unit = blocked_by.map(|unit| (Wait::Unit(unit), blocked - side.hazard));
+            ) = (state.index, state.account);
+            let by_unit = blocked_by.map(|unit| (Wait::Unit(unit), blocked - state.hazard));
             UnitCycles {
                 name,
                 index: others + index,
-                items: side.items,
+                items: state.items,
                 log: std::mem::take(&mut log),
                 timeline: behind.is_counted.then(|| timelines[index as usize].clone()),
                 account: Account {
@@ -580,7 +582,7 @@ impl Unit {
                 starved_by,
                 blocked_by: by_unit
                     .into_iter()
-                    .chain([(Wait::Hazard, side.hazard)])
+                    .chain([(Wait::Hazard, state.hazard)])
                     .filter(|(_, cycles)| *cycles > 0)
                     .collect(),
                 occupancy: if behind.is_counted && index == 0 {
@@ -590,6 +592,6 @@ impl Unit {
                 },
             }
         };
-        sides.into_iter().map(&mut of).collect()
+        states.into_iter().map(&mut of).collect()
     }
 }

@@ -1,30 +1,30 @@
-//! Binned: a list for each tile first; then tile after tile on the chip.
+//! Binned: writes a list for each tile, then draws tile after tile on the chip.
 //!
 //! ```text
-//! memory ─► fetch ─► project ─► ellipse [─► colour] [─► shade] ─► bin ─► memory   every splat once: its record, an entry for each tile of its box
-//! memory ◄─► sort                                                      if splats are sorted: every entry, once a digit of its depth;
-//!                                                                      or list after list (`sorters.rs`)
+//! memory ─► fetch ─► project ─► ellipse [─► colour] [─► shade] ─► bin ─► memory   every splat once: its record, an entry per tile of its box
+//! memory ◄─► sort                                                      if splats are sorted: every entry, once per digit of its depth;
+//!                                                                      or list by list (`sorters.rs`)
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
-//! The second pass begins when the first, and the sort, is through. Tiles follow each other by
-//! rows, or the longest lists come first; those without an entry are only written, behind the one
-//! before them in the picture. The pass has one engine or several, which share nothing but memory
-//! and the queue: the next tile goes to the engine whose list is through with its last one first.
-//! Entries of all engines are gone through in the order of time, so that memory is asked in that
-//! order, too. Of a tile in which every pixel has stopped, nothing more is read.
+//! The second pass begins when the first pass and the sort have ended. Tiles are drawn row by row,
+//! or the longest lists first. Tiles without an entry are only written, after the previous tile of
+//! the picture. The pass has one or more engines, which share only memory and the queue: the next
+//! tile goes to the engine whose list unit is free first. Entries of all engines are replayed in
+//! order of time, so requests to memory are in order of time. When every pixel of a tile has
+//! stopped, the rest of its list is not read.
 //!
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`,
 //! `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
 
-pub mod abreast;
+pub mod batched;
 
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
-use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
+use super::memory::{Direction, LISTS, Memory, Outstanding, RECORDS, Requester, WORDS};
 use super::sorters;
-use super::stages::{Fill, Held, Merge, Resolve, SetUp, Stamp};
+use super::stages::{Fill, FinalPixels, Merge, Resolve, SetUp, Stamp};
 use super::stamps::Stamps;
-use super::stops::{self, EarlyTermination, Stops};
+use super::stops::{self, EarlyTermination, StopMap};
 use super::texels;
 use super::texels::Texels;
 use super::tiles::{Shares, TileCycles, Tiles, names};
@@ -36,9 +36,9 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
 
-/// Bytes of a list's entry: which splat.
+/// Bytes of a list's entry: index of the splat.
 pub const ENTRY_BYTES: u64 = microarchitecture::ENTRY_BYTES as u64;
-/// Lists lie so far apart.
+/// Distance between lists.
 pub const LIST_BYTES: u64 = 1 << 24;
 
 /// Replays a frame.
@@ -53,19 +53,19 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     }
 }
 
-/// A frame whose lists are written, and sorted.
+/// A frame with written and sorted lists.
 #[derive(Clone)]
 struct Listed<'a> {
     memory: Memory,
     setup: SetUp<'a>,
     bin: Unit,
     sort: Vec<Unit>,
-    /// When the second pass begins.
+    /// First cycle of the second pass.
     from: u64,
 }
 
 impl<'a> Listed<'a> {
-    /// The first pass, and the sort.
+    /// Replays the first pass and the sort.
     fn new(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, detail: Detail) -> Self {
         let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
         let (setup, bin, listed) = first_pass(t, work, lists, &mut memory, detail);
@@ -90,7 +90,7 @@ impl<'a> Listed<'a> {
         }
     }
 
-    /// Cycles of the frame, when the engines have drawn it.
+    /// Cycles of the frame, after the engines have drawn it.
     fn cycles(
         self,
         engines: Vec<Engine>,
@@ -159,8 +159,8 @@ impl<'a> Listed<'a> {
     }
 }
 
-/// Between the passes the queue is sorted by the lengths of lists, a digit after the other: a cycle
-/// for each tile that has an entry, and one for each value of the digit.
+/// Cycles of sorting the queue by the lengths of lists, between the passes, digit by digit: one per
+/// tile with an entry, and one per value of the digit.
 fn queue_cycles(lists: &Bins) -> u64 {
     let tiles = (0..lists.tiles())
         .filter(|tile| !lists.of(*tile).is_empty())
@@ -168,55 +168,55 @@ fn queue_cycles(lists: &Bins) -> u64 {
     2 * (tiles + LENGTH_VALUES)
 }
 
-/// Draws tiles from one queue.
+/// Draws the tiles of the queue.
 struct SecondPass<'a> {
     t: &'a Microarchitecture,
     work: &'a Work,
     lists: &'a Bins,
-    /// When it begins.
+    /// Its first cycle.
     from: u64,
-    /// Tiles that have an entry, and their turns.
+    /// Tiles with an entry, and their positions in the queue.
     queue: VecDeque<(usize, usize)>,
 }
 
-/// All that follows the lists.
+/// The units behind the lists.
 struct Engine<'a> {
     list: Unit,
     fill: Fill<'a>,
     merge: Merge<'a>,
     resolve: Resolve<'a>,
-    /// Shades what a tile holds in the end, where tiles have two buffers.
+    /// Shade unit of resolve, if tiles have two buffers.
     lit: Option<Unit>,
-    /// What mirrors, of that.
+    /// Its cache of texels.
     lit_texels: Option<Texels>,
     outstanding: Outstanding,
-    /// When the buffers of the tiles before are free again, the one before last first.
+    /// The cycles from which the buffers of the last tiles are free again, the earlier tile first.
     buffers: [u64; 2],
     list_from: u64,
-    tile: Option<Tile>,
-    /// Those that its list names.
+    tile: Option<TileState>,
+    /// Footprints of the current list.
     footprints: Vec<Footprint>,
 }
 
-/// A tile on an engine.
-struct Tile {
+/// State of a tile on an engine.
+struct TileState {
     place: usize,
     turn: usize,
     corner: [u32; 2],
-    /// The next entry of its list.
+    /// Index of the next entry of its list.
     nth: usize,
-    /// Bursts of its list that were asked for, and when the last is here.
+    /// Bursts of its list that were requested, and the arrival of the last one.
     bursts: u64,
     burst_here: u64,
     buffer_free: u64,
-    stops: stops::Tile,
+    stops: stops::TileStops,
 }
 
 impl<'a> Engine<'a> {
     fn new(
         t: &'a Microarchitecture,
         work: &Work,
-        held: &Rc<Held>,
+        held: &Rc<FinalPixels>,
         from: u64,
         detail: Detail,
         nth: u32,
@@ -258,7 +258,7 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// When its list is free: then it takes the next entry, or the next tile.
+    /// The cycle from which its list unit is free for the next entry or tile.
     fn free(&self) -> u64 {
         self.list.free().max(self.list_from)
     }
@@ -280,7 +280,7 @@ impl<'a> SecondPass<'a> {
             .filter(|tile| !lists.of(*tile).is_empty())
             .collect();
         if t.timing.queue == Queue::Longest {
-            // Longer than its two digits can say is as long as they can.
+            // Lengths beyond two digits are limited.
             queue.sort_by_key(|tile| {
                 std::cmp::Reverse(
                     (lists.of(*tile).len() as u64).min(LENGTH_VALUES * LENGTH_VALUES - 1),
@@ -296,8 +296,8 @@ impl<'a> SecondPass<'a> {
         }
     }
 
-    /// Says what engines did, how many stamps there were and how many kept a pixel, and each tile's
-    /// cycles.
+    /// Returns the engines' cycles, the number of stamps and of those with a kept pixel, and each
+    /// tile's cycles.
     fn run(
         mut self,
         memory: &mut Memory,
@@ -308,12 +308,12 @@ impl<'a> SecondPass<'a> {
         Option<Tiles>,
         Option<EarlyTermination>,
     ) {
-        let (t, held) = (self.t, Held::new(self.work));
+        let (t, held) = (self.t, FinalPixels::new(self.work));
         let mut engines: Vec<Engine> = (0..t.engines)
             .map(|nth| Engine::new(t, self.work, &held, self.from, detail, nth))
             .collect();
         let mut walk = Stamps::new(self.work, t.timing.raster.lanes);
-        let mut stops = Stops::new(self.work);
+        let mut stops = StopMap::new(self.work);
         let mut shares = vec![Shares::new(self.from); engines.len()];
         let mut turns = Vec::new();
         self.write_empty(0, self.from, memory);
@@ -382,12 +382,12 @@ impl<'a> SecondPass<'a> {
         (engines, stamps, tiles, stops.map(|stops| stops.saved))
     }
 
-    /// Whether an engine has, or will get, anything to draw.
+    /// Whether an engine has, or will have, something to draw.
     fn is_at_work(&self, engine: &Engine) -> bool {
         engine.tile.is_some() || !self.queue.is_empty()
     }
 
-    /// The engine whose list is free first.
+    /// The engine whose list unit is free first.
     fn next(&self, engines: &[Engine]) -> Option<usize> {
         let at_work = engines
             .iter()
@@ -399,23 +399,23 @@ impl<'a> SecondPass<'a> {
     }
 
     /// An engine takes the next tile.
-    fn begin(&mut self, engine: &mut Engine, stops: Option<&mut Stops>) -> Tile {
+    fn begin(&mut self, engine: &mut Engine, stops: Option<&mut StopMap>) -> TileState {
         let t = &self.t.timing;
         let (turn, place) = self.queue.pop_front().unwrap_or_default();
         let corner = [place % self.lists.columns, place / self.lists.columns]
             .map(|at| at as u32 * t.tile.side_px);
-        // The only engine may resolve a tile that nothing comes to before its list is looked at.
+        // The only engine can resolve a tile without stamps before its list is read.
         engine.merge.written = if self.t.engines == 1 {
             self.from
         } else {
             engine.free()
         };
-        let stops = stops.map_or_else(stops::Tile::default, |stops| {
+        let stops = stops.map_or_else(stops::TileStops::default, |stops| {
             stops.begin(corner, t.tile.side_px);
             stops.tile
         });
         let buffer_free = engine.buffers[if t.tile.buffers == 2 { 0 } else { 1 }];
-        Tile {
+        TileState {
             place,
             turn,
             corner,
@@ -427,14 +427,14 @@ impl<'a> SecondPass<'a> {
         }
     }
 
-    /// Draws the next entry of a tile; whether there are more. No other engine asks for anything
-    /// before the cycle that is given.
+    /// Draws the next entry of a tile; returns whether there are more. No other engine sends a
+    /// request before `before`.
     fn entry(
         &self,
         engine: &mut Engine,
-        tile: &mut Tile,
+        tile: &mut TileState,
         walk: &mut Stamps,
-        stops: Option<&mut Stops>,
+        stops: Option<&mut StopMap>,
         others_from: u64,
         memory: &mut Memory,
     ) -> bool {
@@ -450,7 +450,7 @@ impl<'a> SecondPass<'a> {
             ..
         } = engine;
         let footprint = &footprints[tile.nth];
-        // The tile before is still in the buffer.
+        // The buffer still holds the previous tile.
         let room = tile.buffer_free;
         let mut next = |stamp: Stamp, here| {
             merge.stamp(
@@ -471,7 +471,7 @@ impl<'a> SecondPass<'a> {
                 })
                 .0
             }
-            // Of sheets nothing is shaded here.
+            // Sheets are not shaded here.
             Some(stops) => {
                 fill.footprint_of_stops(walk, footprint, area, from, stops, |pieces, here| {
                     next(
@@ -489,14 +489,14 @@ impl<'a> SecondPass<'a> {
         tile.nth < entries.len()
     }
 
-    /// Reads the next entry of a tile, and its record: from when on raster can have it, and when
-    /// the record is here. None where the tile has stopped.
+    /// Reads the next entry of a tile, and its record: the cycle from which raster can take it, and
+    /// the arrival of the record. None if the tile has stopped.
     #[inline(always)]
     fn fetch(
         &self,
         engine: &mut Engine,
-        tile: &mut Tile,
-        stops: Option<&Stops>,
+        tile: &mut TileState,
+        stops: Option<&StopMap>,
         others_from: u64,
         memory: &mut Memory,
     ) -> Option<(u64, u64)> {
@@ -523,7 +523,7 @@ impl<'a> SecondPass<'a> {
         {
             // The rest of the tile.
             *list_from = list.free().max(ready.here).max(stops.all());
-            list.wait(Ready {
+            list.stall(Ready {
                 memory: ready.memory.min(*list_from),
                 room: ready.room.min(*list_from),
                 ..ready
@@ -532,24 +532,25 @@ impl<'a> SecondPass<'a> {
         }
         let now = list.take(ready, 1);
         list.behind.take(now);
-        // Who waits for texels is behind list: resolve may ask for those of a tile that nothing was
-        // written to.
-        let asked_from = if merge.texels.is_none() {
+        // A unit that stalls for texels is behind list: resolve can request texels of a tile
+        // without entries.
+        let requested_from = if merge.texels.is_none() {
             now
         } else {
             merge.free().min(resolve.free())
         };
-        memory.forget(now.min(others_from).min(asked_from));
+        memory.forget(now.min(others_from).min(requested_from));
         if needed > tile.bursts {
             let address = LISTS + tile.place as u64 * LIST_BYTES + tile.bursts * burst;
-            tile.burst_here = memory.request(now, Client::Lists, Direction::Read, address, burst);
+            tile.burst_here =
+                memory.request(now, Requester::Lists, Direction::Read, address, burst);
             outstanding.push(tile.burst_here);
             tile.bursts = needed;
         }
         let address = RECORDS + u64::from(entry) * u64::from(t.prepared_bytes);
         let here = memory.request(
             now.max(tile.burst_here),
-            Client::Lists,
+            Requester::Lists,
             Direction::Read,
             address,
             t.prepared_bytes.into(),
@@ -558,17 +559,17 @@ impl<'a> SecondPass<'a> {
         Some((now + 1, here))
     }
 
-    /// Resolves a tile and writes it, and those behind it that have no entry; says when its last
-    /// word is there.
+    /// Resolves and writes a tile, and the following tiles without an entry; returns the cycle of
+    /// its last word.
     fn resolve(
         &self,
         engine: &mut Engine,
-        tile: &Tile,
-        stops: Option<&Stops>,
+        tile: &TileState,
+        stops: Option<&StopMap>,
         memory: &mut Memory,
     ) -> u64 {
         let [columns, rows] = self.area(tile.place);
-        let written = engine.merge.written.max(stops.map_or(0, Stops::known));
+        let written = engine.merge.written.max(stops.map_or(0, StopMap::known));
         let shade = match &mut engine.lit {
             Some(lit) => (lit, &mut engine.lit_texels),
             None => (&mut engine.merge.shade, &mut engine.merge.texels),
@@ -589,7 +590,7 @@ impl<'a> SecondPass<'a> {
         done
     }
 
-    /// Columns and rows of the picture that a tile has.
+    /// Columns and rows of a tile in the picture.
     fn area(&self, place: usize) -> [Range<u32>; 2] {
         let side = self.t.timing.tile.side_px;
         let corner =
@@ -605,15 +606,15 @@ impl<'a> SecondPass<'a> {
             .area(place)
             .map(|pixels| u64::from(pixels.end - pixels.start));
         let address = WORDS + place as u64 * u64::from(side * side * self.t.frame_bytes);
-        memory.write_later(
+        memory.post_write(
             when,
-            Client::FrameWrite,
+            Requester::FrameWrite,
             address,
             columns * rows * u64::from(self.t.frame_bytes),
         );
     }
 
-    /// Tiles without entries are the background, written behind the tile before them in the
+    /// Tiles without entries are background. They are written after the previous tile of the
     /// picture.
     fn write_empty(&self, first: usize, when: u64, memory: &mut Memory) {
         (first..self.lists.tiles())
@@ -622,7 +623,7 @@ impl<'a> SecondPass<'a> {
     }
 }
 
-/// Sets all splats up and writes the lists; says when they are written.
+/// Sets up all splats and writes the lists; returns the cycle in which they are written.
 fn first_pass<'a>(
     t: &'a Microarchitecture,
     work: &'a Work,
@@ -647,7 +648,7 @@ fn first_pass<'a>(
         t.lifted,
     );
     let each = u64::from(!bin.is_lifted());
-    // Sorters load entries with their keys from lists of their own.
+    // Sorters load entries with keys, from separate lists.
     let keyed_bytes = t
         .sort
         .filter(|sort| sort.sorter.is_some() && !work.order.is_empty())
@@ -663,14 +664,15 @@ fn first_pass<'a>(
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];
     let mut fates = work.fates.iter().zip(0..).peekable();
-    // Splats that were set up: when bin has them.
+    // Splats that have left setup: the cycles in which bin can take them.
     let mut ahead = VecDeque::new();
     let (mut record_bursts, mut end) = (0, 0);
     for (nth, footprint) in work.footprints.iter().enumerate() {
-        // What is fetched before bin takes the next splat asks before it, as far as there is room.
+        // Fetches before the cycle in which bin takes the next splat send their requests first, if
+        // there is room.
         while let Some((fate, index)) = fates.next_if(|(_, index)| match ahead.front() {
             Some(here) => {
-                setup.is_known()
+                setup.is_scheduled()
                     && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here)
             }
             None => true,
@@ -683,7 +685,7 @@ fn first_pass<'a>(
         let Some(here) = ahead.pop_front() else { break };
         let mut entries = 0;
         each_tile(footprint.sides(), side, lists.columns, |_| entries += 1);
-        // A record, then an entry a cycle; what is written waits for its turn.
+        // A record, then one entry per cycle; writes are queued.
         let now = bin.take(
             Ready {
                 here,
@@ -694,11 +696,11 @@ fn first_pass<'a>(
         );
         setup.give(here, now);
         let mut write = |when: u64, address: u64| {
-            let done = memory.request(when, Client::Binning, Direction::Write, address, burst);
+            let done = memory.request(when, Requester::Binning, Direction::Write, address, burst);
             outstanding.push(done);
             end = end.max(done);
         };
-        // Records lie side by side: a burst goes when it is full.
+        // Records are consecutive: a burst is written when it is full.
         let full = (nth as u64 + 1) * u64::from(t.prepared_bytes) / burst;
         (record_bursts..full).for_each(|full| write(now, RECORDS + full * burst));
         record_bursts = full;
@@ -706,8 +708,8 @@ fn first_pass<'a>(
         each_tile(footprint.sides(), side, lists.columns, |tile| {
             when += each;
             lengths[tile] += 1;
-            // An entry is no longer than a burst, so that one is full if less than an entry lies
-            // behind it.
+            // An entry is not longer than a burst. A burst is therefore full if less than an entry
+            // is behind it.
             let end = lengths[tile] * entry_bytes;
             let behind = end % burst;
             if behind < entry_bytes {
@@ -720,12 +722,12 @@ fn first_pass<'a>(
         setup.splat(index, *fate, memory);
     }
     setup.end(memory);
-    // What is left of the last records and of every list.
+    // The rest of the last records and of every list.
     let last = end;
     if !(work.footprints.len() as u64 * u64::from(t.prepared_bytes)).is_multiple_of(burst) {
         end = end.max(memory.request(
             last,
-            Client::Binning,
+            Requester::Binning,
             Direction::Write,
             RECORDS + record_bursts * burst,
             burst,
@@ -737,19 +739,19 @@ fn first_pass<'a>(
         .filter(|(_, length)| !(length * entry_bytes).is_multiple_of(burst))
     {
         let address = list(tile) + length * entry_bytes / burst * burst;
-        end = end.max(memory.request(last, Client::Binning, Direction::Write, address, burst));
+        end = end.max(memory.request(last, Requester::Binning, Direction::Write, address, burst));
     }
     (setup, bin, end)
 }
 
-/// Bytes that the sort reads at a time.
+/// Bytes per read of the sort.
 const SORT_BYTES: u64 = 1 << 12;
-/// Where the sort keeps its entries, behind all lists.
+/// Address of the sort's entries, behind all lists.
 const SORTED: u64 = 1 << 60;
 
-/// Radix sort of all lists' entries by depth: a pass for each digit of the key reads every entry
-/// and writes it to where it belongs, an entry a cycle, after a cycle for each value of the digit
-/// to sum the counts up. Says which unit did, and when it is done.
+/// Radix sort of all lists' entries by depth. A pass per digit of the key reads every entry and
+/// writes it to its new address, one entry per cycle, after one cycle per value of the digit for
+/// the sums of counts. Returns its unit, and the cycle in which it is done.
 fn sort_entries(
     t: &Microarchitecture,
     entries: u64,
@@ -785,15 +787,27 @@ fn sort_entries(
         let (mut done, mut moved) = (now, 0);
         while moved < bytes {
             let part = SORT_BYTES.min(bytes - moved);
-            let asked = done.max(
+            let requested = done.max(
                 now + if sort.is_lifted() {
                     0
                 } else {
                     moved / u64::from(shape.entry_bytes)
                 },
             );
-            let here = memory.request(asked, Client::Sort, Direction::Read, source + moved, part);
-            done = memory.request(here, Client::Sort, Direction::Write, target + moved, part);
+            let here = memory.request(
+                requested,
+                Requester::Sort,
+                Direction::Read,
+                source + moved,
+                part,
+            );
+            done = memory.request(
+                here,
+                Requester::Sort,
+                Direction::Write,
+                target + moved,
+                part,
+            );
             moved += part;
         }
         let cycles = busy.max(done - now);

@@ -1,25 +1,23 @@
-//! Cache: lines of the frame buffer, set-associative, written back, the line used longest ago going
-//! first.
+//! Cache: lines of the frame buffer, set-associative, write-back, least recently used.
 //!
-//! A line that was never written needs not be read: a bit for each says so, as a fast clear does.
+//! A line that was never written is not read: one bit per line records this, as in a fast clear.
 //!
 //! Laws: `a_frame_ticks_as_it_is_replayed`,
 //! `more_of_anything_is_never_slower_if_lines_come_and_go`.
 
-use super::memory::{Client, Direction, LINES, Memory, Outstanding};
+use super::memory::{Direction, LINES, Memory, Outstanding, Requester};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::machine::timing::Cache as Description;
 
-/// Nothing is there.
+/// Tag of an empty place.
 pub const EMPTY: u32 = u32::MAX;
 
-/// The first of the places in which a line can be, of so many sets of so many, and which of them
-/// has it.
+/// The first place of the set of a line, and the index of the place that holds the line.
 #[inline(always)]
 pub fn find(lines: &[u32], [sets, ways]: [u32; 2], line: u32) -> (usize, Option<usize>) {
     let ways = ways as usize;
     let first = (line & (sets - 1)) as usize * ways;
-    // All are looked at: a loop that ends where the line is would be guessed wrong too often.
+    // All ways are compared, because a loop with an early exit would be mispredicted too often.
     let at = lines[first..first + ways]
         .iter()
         .zip(first..)
@@ -30,38 +28,38 @@ pub fn find(lines: &[u32], [sets, ways]: [u32; 2], line: u32) -> (usize, Option<
     (first, at)
 }
 
-/// What is known of a line that is here.
+/// State of a line in the cache.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line {
-    /// The look-up that used it last.
+    /// Index of the look-up that used it last.
     used: u64,
-    /// When its pixels are all written.
+    /// Cycle in which all of its pixels are written.
     written: u64,
-    /// When its bytes are here.
+    /// Cycle in which its bytes have arrived.
     here: u64,
 }
 
 /// Result of a look-up.
 #[derive(Clone, Copy, Debug)]
 pub struct LookUp {
-    /// Where the line lies.
+    /// Place of the line.
     pub place: usize,
-    /// When it is here.
+    /// Cycle in which the line has arrived.
     pub here: u64,
-    /// In which cycle the look-up was over: it waits where too many lines are on their way.
+    /// Cycle in which the look-up ended. It stalls if too many lines are in flight.
     pub over: u64,
 }
 
-/// The cache, and which lines memory has.
+/// The cache, and the lines that are in memory.
 #[derive(Clone, Debug)]
 pub struct Cache {
     description: Description,
     line_bytes: u64,
     sets: u32,
-    /// Which line each place has, set by set, and what is known of it.
+    /// Tag of each place, set by set, and the state of its line.
     lines: Box<[u32]>,
     places: Box<[Line]>,
-    /// When the pixels of each line that memory has were all written.
+    /// For each line in memory, the cycle in which its pixels were written.
     in_memory: Box<[Option<u64>]>,
     touched: Box<[bool]>,
     clock: u64,
@@ -70,7 +68,7 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// For a frame of so many lines.
+    /// For a frame of `lines` lines.
     pub fn new(timing: &Microarchitecture, lines: usize) -> Self {
         let description = timing.timing.cache;
         Cache {
@@ -92,7 +90,7 @@ impl Cache {
         find(&self.lines, [self.sets, self.description.ways], line)
     }
 
-    /// Looks a line up.
+    /// Looks up a line.
     #[inline(always)]
     pub fn look_up(&mut self, now: u64, line: u32, memory: &mut Memory) -> LookUp {
         self.clock += 1;
@@ -112,7 +110,7 @@ impl Cache {
         }
     }
 
-    /// A line takes the place of the one of its set that was used longest ago.
+    /// Replaces the least recently used line of the set.
     #[inline(never)]
     fn miss(&mut self, now: u64, line: u32, first: usize, memory: &mut Memory) -> LookUp {
         let set = first..first + self.description.ways as usize;
@@ -122,9 +120,9 @@ impl Cache {
         let (before, Line { written, .. }) = (self.lines[place], self.places[place]);
         if before != EMPTY {
             let address = LINES + u64::from(before) * self.line_bytes;
-            memory.write_later(
+            memory.post_write(
                 written.max(now),
-                Client::FrameWrite,
+                Requester::FrameWrite,
                 address,
                 self.line_bytes,
             );
@@ -136,7 +134,7 @@ impl Cache {
             let address = LINES + u64::from(line) * self.line_bytes;
             here = memory.request(
                 over.max(written).max(left),
-                Client::FrameRead,
+                Requester::FrameRead,
                 Direction::Read,
                 address,
                 self.line_bytes,
@@ -152,7 +150,7 @@ impl Cache {
         LookUp { place, here, over }
     }
 
-    /// A pixel of a line, if that is still in its place, is written in this cycle.
+    /// Writes a pixel of a line in this cycle, if the line is still in its place.
     #[inline(always)]
     pub fn written(&mut self, line: u32, place: usize, when: u64) {
         if self.lines[place] == line {
@@ -161,7 +159,7 @@ impl Cache {
         }
     }
 
-    /// Whether a line is here, whether anything was ever written to it.
+    /// Whether a line is in the cache, and whether it was ever written.
     pub fn holds(&self, line: u32) -> [bool; 2] {
         [self.find(line).1.is_some(), self.touched[line as usize]]
     }

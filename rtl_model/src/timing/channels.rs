@@ -1,16 +1,16 @@
-//! Channels: what memory takes beyond one channel of open rows: several channels, ranks, refresh,
-//! turning from reading to writing, and how often rows can be opened.
+//! Channels: memory with several channels, ranks, refresh, turnaround from reads to writes, and
+//! limits of activations.
 //!
 //! ```text
 //! request ─►( split by channel and row )─► row open? ─ no ─►( bank: one row in row_cycles ─► rank: four rows in four_rows_cycles )─┐
 //!                                           └─ yes ───────────────────────────────────────────────────────────────────────────────┴─►( bus )
 //! ```
-//! Time is counted without refreshes, as if memory slept through them: `awake` and `asleep` convert
-//! one into the other. A refresh is at the end of each interval, and closes every row. Bus, bank
-//! and rank keep the gaps between what they gave away, as one channel does.
+//! Time is counted without refreshes, as if memory slept through them; `awake` and `asleep` convert
+//! between the two times. A refresh is at the end of each interval, and closes every row. Bus, bank
+//! and rank keep the gaps between their used cycles, as the single channel does.
 //!
-//! Writes are gathered: a channel pays the turn to writing and back once for a batch of them, if
-//! anything was read since the last.
+//! Writes are gathered: a channel turns to writes and back once per batch, if anything was read
+//! since the last batch.
 //!
 //! Laws: `more_channels_never_take_more_cycles`, `a_refresh_takes_its_share_of_the_time`,
 //! `a_frame_with_channels_moves_the_same_bytes_in_about_the_time`.
@@ -19,7 +19,7 @@ use super::memory::{Direction, Free};
 use crate::machine::timing::Memory as Description;
 use std::collections::VecDeque;
 
-/// A row that a bank opens: which one, after how many refreshes, and when.
+/// An activation: the row, the number of refreshes before it, and the cycle.
 #[derive(Clone, Copy, Debug)]
 struct Opened {
     row: u64,
@@ -30,18 +30,18 @@ struct Opened {
 /// A bank.
 #[derive(Clone, Debug, Default)]
 struct Bank {
-    /// The row that is open, and those that will be, in the order of time.
+    /// The open row and the scheduled ones, in order of time.
     rows: VecDeque<Opened>,
-    /// When it opens none.
+    /// Cycles without an activation.
     free: Free,
 }
 
-/// Rows that a bank is to open which are still looked through for a request's.
+/// Number of scheduled rows of a bank that are searched for a request's row.
 const ROWS: usize = 32;
 
 impl Bank {
-    /// When a request finds its row open, if it does: before another row is opened what is asked of
-    /// this one goes first.
+    /// The cycle in which a request finds its row open, if it does. It is served before the bank
+    /// opens another row.
     fn finds(&mut self, now: u64, row: u64, refreshes: u64) -> Option<u64> {
         while self.rows.get(1).is_some_and(|next| next.since <= now) || self.rows.len() > ROWS {
             self.rows.pop_front();
@@ -65,13 +65,13 @@ impl Bank {
 #[derive(Clone, Debug)]
 struct Channel {
     bus: Free,
-    /// Those of one rank after the other.
+    /// Rank by rank.
     banks: Box<[Bank]>,
-    /// Quarters of the cycles in which four rows may be opened, by rank.
+    /// By rank, quarters of the window in which four rows can be opened.
     opened: Box<[Free]>,
-    /// The rank whose bytes were moved last.
+    /// Rank of the last transfer.
     rank: usize,
-    /// Bursts of the batch that is written, and whether anything was read since it was begun.
+    /// Bursts of the current batch of writes, and whether anything was read since it began.
     written: u64,
     has_read: bool,
 }
@@ -81,25 +81,25 @@ struct Channel {
 pub struct Channels {
     description: Description,
     channels: Box<[Channel]>,
-    /// What the bus moves: units a cycle, and units a byte.
+    /// Capacity of the bus: units per cycle, and units per byte.
     units: [u64; 2],
-    /// Cycles from one refresh to the next, and those of them that memory is awake; both 0 where
-    /// nothing is refreshed.
+    /// Cycles from one refresh to the next, and the awake cycles in between; both 0 without
+    /// refresh.
     interval: u64,
     awake: u64,
     forgotten: u64,
 }
 
-/// Bytes that lie in one row.
+/// Bytes in one row.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+struct RowBytes {
     channel: usize,
     row: u64,
     bytes: u64,
 }
 
 impl Channels {
-    /// None where one channel of open rows is all there is.
+    /// None if there is only one channel with open rows.
     pub fn new(description: Description) -> Option<Self> {
         let d = description;
         let refresh = d.refresh_interval_cycles.unwrap_or(0);
@@ -140,7 +140,7 @@ impl Channels {
         })
     }
 
-    /// Cycles for which memory was awake before a cycle.
+    /// Awake cycles before a cycle.
     fn awake(&self, cycle: u64) -> u64 {
         match cycle.checked_div(self.interval) {
             None => cycle,
@@ -148,7 +148,7 @@ impl Channels {
         }
     }
 
-    /// The cycle before which memory was awake for so many.
+    /// The cycle before which memory was awake for `awake` cycles.
     fn asleep(&self, awake: u64) -> u64 {
         if self.interval == 0 {
             awake
@@ -157,7 +157,7 @@ impl Channels {
         }
     }
 
-    /// No request comes before this cycle any more.
+    /// No later request is before this cycle.
     pub fn forget(&mut self, before: u64) {
         self.forgotten = self.awake(before);
         for channel in &mut self.channels {
@@ -165,8 +165,8 @@ impl Channels {
         }
     }
 
-    /// Whole bursts, from where to where: when the last has come, and how many found their row
-    /// open.
+    /// Serves whole bursts from `from` to `end`: the arrival of the last one, and the number of
+    /// bursts with an open row.
     pub fn serve(&mut self, now: u64, direction: Direction, mut from: u64, end: u64) -> [u64; 2] {
         let interleave = u64::from(self.description.interleave_bytes());
         let row_bytes = u64::from(self.description.row_bytes);
@@ -181,7 +181,7 @@ impl Channels {
                 interleave - within
             };
             let bytes = (end - from).min(of_line).min(row_bytes - own % row_bytes);
-            let piece = Piece {
+            let piece = RowBytes {
                 channel: (line % channels) as usize,
                 row: own / row_bytes,
                 bytes,
@@ -197,11 +197,11 @@ impl Channels {
         &mut self,
         now: u64,
         direction: Direction,
-        Piece {
+        RowBytes {
             channel,
             row,
             bytes,
-        }: Piece,
+        }: RowBytes,
     ) -> [u64; 2] {
         let now = self.awake(now);
         let between = if self.interval == 0 {
@@ -227,8 +227,8 @@ impl Channels {
                 let opened = &mut channel.opened[rank];
                 opened.forget(4 * forgotten);
                 let quarter = opened.take_whole(4 * start, cycles(d.four_rows_cycles));
-                // The next three may follow at once; then they come no faster than one in a quarter
-                // of the time.
+                // The next three activations can follow at once; after them, one per quarter of the
+                // window.
                 start = start.max(
                     quarter
                         .saturating_sub(3 * cycles(d.four_rows_cycles))
@@ -270,7 +270,7 @@ impl Channels {
         } else {
             d.miss_latency
         };
-        // After its first burst the row is open.
+        // After the first burst the row is open.
         [
             self.asleep(moved) + u64::from(latency),
             u64::from(is_open) + bursts - 1,

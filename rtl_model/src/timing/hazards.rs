@@ -1,11 +1,11 @@
 //! Hazards: pixels that were taken, and cannot be taken again yet.
 //!
 //! ```text
-//! strip ─► what was taken of it last ─► what before that ─► … as far back as it is under way
+//! strip ─► its last piece ─► its piece before that ─► … as long as they are in flight
 //! ```
-//! What is taken later is under way longer, so the first that shares a pixel is the one to wait
-//! for. Merges are not so, where units go on beside them: those in flight are few, and looked at
-//! one by one.
+//! Later pieces are in flight for longer, so the first piece found that shares a pixel determines
+//! the stall. This does not hold for merges of units that take stamps during a merge; these merges
+//! are few, and are compared one by one.
 //!
 //! Law: `a_drawn_frame_ticks_as_it_is_replayed`.
 
@@ -14,38 +14,38 @@ use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::work::{TILE_PX, Work};
 
-/// A piece that was taken: until when it is under way, its pixels, and where what was taken of its
-/// strip before lies.
+/// A piece in flight: the end of its flight, its pixels, and the index of the previous piece of its
+/// strip.
 #[derive(Clone, Copy, Debug, Default)]
-struct Taken {
+struct PieceInFlight {
     until: u64,
     before: u32,
     pixels: u16,
 }
 
-/// Most pieces that can be under way.
+/// Greatest number of pieces in flight.
 pub fn most_under_way(timing: &Microarchitecture) -> usize {
     let [across, down] = timing.timing.raster.lanes.map(|lanes| lanes as usize);
-    // Infinitely fast, it takes what waited for it at once.
+    // An infinitely fast unit takes all buffered stamps at once.
     let waiting = if timing.lifted == Some(unit::FRAGMENT) {
         timing.gauss.room().max(timing.cache.room()) + 1
     } else {
         0
     };
-    // A cycle at least for each stamp; its pixels lie in so many strips at most.
+    // At least one cycle per stamp, and a limited number of strips per stamp.
     (timing.hazard as usize + waiting) * ((across - 1).div_ceil(TILE_PX) + 1) * down
 }
 
-/// Pixels under way.
+/// Pixels in flight.
 #[derive(Clone, Debug)]
 pub struct Hazards {
-    /// Of each strip what was taken last.
-    last: Vec<Taken>,
-    /// What was taken before each piece, of its strip: of as many pieces as can be under way, in
-    /// turn.
-    before: Box<[Taken]>,
+    /// The last piece of each strip.
+    last: Vec<PieceInFlight>,
+    /// The piece before each piece of its strip: a ring of as many pieces as can be in flight.
+    before: Box<[PieceInFlight]>,
     turn: usize,
-    /// Merges beside which units go on: until when each is under way, its strip and its pixels.
+    /// Merges of units that take stamps during a merge: the end of the flight, the strip, the
+    /// pixels.
     merges: Vec<(u64, u32, u16)>,
 }
 
@@ -53,17 +53,17 @@ impl Hazards {
     pub fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let columns = (work.width as usize).div_ceil(TILE_PX);
         let under_way = most_under_way(timing);
-        let last = vec![Taken::default(); columns * work.height as usize];
+        let last = vec![PieceInFlight::default(); columns * work.height as usize];
         Hazards {
             last,
-            before: vec![Taken::default(); under_way].into(),
+            before: vec![PieceInFlight::default(); under_way].into(),
             turn: 0,
             merges: Vec::new(),
         }
     }
 
-    /// Until when a pixel of a stamp is under way, if that is after this cycle, from which on a
-    /// stamp can be taken.
+    /// The end of the flight of the stamp's pixels, if it is after `now`, the first cycle in which
+    /// a stamp can be taken.
     #[inline(always)]
     pub fn until(&mut self, stamp: &[Piece], now: u64) -> u64 {
         let mut until = if self.merges.is_empty() {
@@ -99,20 +99,20 @@ impl Hazards {
             .unwrap_or(now)
     }
 
-    /// Those pixels of a stamp are taken in which fragments merge, and under way until then.
+    /// Marks the pixels of a stamp in which fragments merge as in flight until `until`.
     pub fn take_merges(&mut self, stamp: &[Piece], of: impl Fn(&Piece) -> u16, until: u64) {
         let of = |piece: &Piece| (until, piece.strip, piece.pixels & of(piece));
         self.merges
             .extend(stamp.iter().map(of).filter(|(.., pixels)| *pixels != 0));
     }
 
-    /// A stamp is taken, and under way until then.
+    /// Marks the pixels of a stamp as in flight until `until`.
     #[inline(always)]
     pub fn take(&mut self, stamp: &[Piece], until: u64) {
         for piece in stamp {
             let last = &mut self.last[piece.strip as usize];
             self.before[self.turn] = *last;
-            *last = Taken {
+            *last = PieceInFlight {
                 until,
                 before: self.turn as u32,
                 pixels: piece.pixels,

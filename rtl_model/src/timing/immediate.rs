@@ -4,37 +4,37 @@
 //! memory ─► fetch ─► project ─► ellipse ─► raster ─► gauss ─► cache ─► fragment      then: resolve ─► memory
 //!           records                                           ▲ lines ▼                      ▲ lines
 //! ```
-//! When the last splat is through, resolve goes through the frame, line by line.
+//! After the last splat, resolve reads the frame, line by line.
 
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::cache::Cache;
-use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
-use super::stages::{Fill, Held, Merge, Resolve, SetUp};
+use super::memory::{Direction, LINES, Memory, Outstanding, Requester, WORDS};
+use super::stages::{Fill, FinalPixels, Merge, Resolve, SetUp};
 use super::stamps::{Piece, Stamps, below};
 use super::texels;
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::work::Work;
 
-/// Where the frame's lines lie.
-struct Lines {
+/// The lines of the frame.
+struct FrameLines {
     log: [u32; 2],
     across: u32,
     down: u32,
 }
 
-impl Lines {
+impl FrameLines {
     fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let [columns, rows] = timing.timing.cache.line_px;
-        Lines {
+        FrameLines {
             log: [columns.ilog2(), rows.ilog2()],
             across: work.width.div_ceil(columns),
             down: work.height.div_ceil(rows),
         }
     }
 
-    /// Adds those that a piece lies in, if they are new; where in the cache is not known yet.
+    /// Adds the lines of a piece, if they are new; their places in the cache are not known yet.
     #[inline(always)]
     fn touch(&self, piece: &Piece, touched: &mut Vec<(u32, usize)>) {
         let [columns, rows] = self.log.map(|log| 1u32 << log);
@@ -65,7 +65,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         detail,
         t.lifted,
     );
-    let lines = Lines::new(t, work);
+    let lines = FrameLines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
     let mut merge = Merge::new(t, work, "cache", None, detail, 0);
     let mut touched: Vec<(u32, usize)> = Vec::new();
@@ -93,8 +93,8 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
                     room: lookup.behind.free(),
                     ..Ready::default()
                 };
-                // What it waits for along the way holds it: the first look-up begins when it takes
-                // the stamp.
+                // Stalls along the way occupy it: the first look-up begins in the cycle in which it
+                // takes the stamp.
                 let start = lookup.free().max(ready.here).max(ready.room);
                 let (mut over, mut lines_here) = (start, start);
                 for (nth, (line, place)) in touched.iter_mut().enumerate() {
@@ -126,13 +126,13 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             },
         );
         setup.give(here, taken);
-        // Resolve begins when the last pixel is written, whatever is fetched by then.
+        // Resolve begins when the last pixel is written, whether fetch has ended or not.
         if is_seen {
             memory.forget(setup.fetched);
         }
     }
     setup.end(&mut memory);
-    let mut resolve = Resolve::new(t, Held::new(work), detail, 0);
+    let mut resolve = Resolve::new(t, FinalPixels::new(work), detail, 0);
     resolve_frame(
         t,
         work,
@@ -162,11 +162,11 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     }
 }
 
-/// Line by line: what was touched is read, if the cache has it not; every word is written.
+/// Reads each touched line that is not in the cache, and writes every word.
 fn resolve_frame(
     t: &Microarchitecture,
     work: &Work,
-    lines: &Lines,
+    lines: &FrameLines,
     cache: &Cache,
     merge: &mut Merge,
     resolve: &mut Resolve,
@@ -186,7 +186,7 @@ fn resolve_frame(
             let from = start.max(outstanding.free());
             ready.memory = memory.request(
                 from,
-                Client::FrameRead,
+                Requester::FrameRead,
                 Direction::Read,
                 LINES + u64::from(line) * line_bytes,
                 line_bytes,
@@ -207,9 +207,9 @@ fn resolve_frame(
             memory,
         );
         let address = WORDS + u64::from(line) * u64::from(columns * rows * t.frame_bytes);
-        memory.write_later(
+        memory.post_write(
             done,
-            Client::FrameWrite,
+            Requester::FrameWrite,
             address,
             pixels * u64::from(t.frame_bytes),
         );

@@ -1,19 +1,21 @@
-//! Limit: names what limits a frame, by replaying it with each limit lifted: what gains most does.
+//! Limit: finds the limit of a frame by replays with each limit lifted: the one with the greatest
+//! gain.
 //!
 //! ```text
 //! unit infinitely fast ─┐
-//! hazard of one cycle ──┼─► replay ─► cycles less than before: the most of them
+//! hazard of one cycle ──┼─► replay ─► cycles saved: the greatest number of them
 //! ideal memory ─────────┘
 //! ```
-//! Who is busiest need not limit: it may work beside something slower that is blocked, by a pixel
-//! under way say, most of the time.
+//! The busiest unit need not be the limit: it can run in parallel with something slower that is
+//! blocked most of the time, for example by a pixel in flight.
 //!
-//! A frame is the longest way through what waits for what, and a way has each cycle of a unit at
-//! most once: it becomes shorter by no more than the unit is busy, or blocked by itself; without
-//! the time that shade takes by no more than others wait for it. With ideal memory it still takes
-//! what the busiest unit of each pass does. So what could gain most is tried first, and what cannot
-//! gain more than was found is not tried. Where units share memory, a replay may gain a little
-//! more, by another order of requests: that is not what the unit takes, and does not count.
+//! A frame takes the longest path through all dependencies, and a path contains each cycle of a
+//! unit at most once. So a lifted unit saves at most the cycles in which it is busy or blocked by
+//! itself; lifted shade saves at most the cycles for which others stall for it. With ideal memory,
+//! the frame still takes the cycles of the busiest unit of each pass. So candidates are tried in
+//! the order of these bounds, and those that cannot save more than the best one so far are not
+//! tried. If units share memory, a replay can save a little more because requests change their
+//! order. This is not due to the unit, and is not counted.
 //!
 //! Laws: `no_limit_costs_more_than_its_bound_without_a_replay`,
 //! `lifting_the_limit_gains_most`,
@@ -24,14 +26,14 @@ use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::work::Work;
 
-/// Why something limits.
+/// Kind of a limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Limited {
-    /// A unit's own cycles.
+    /// Cycles of the unit.
     Work,
-    /// A unit may not take a pixel that is still under way in it.
+    /// The unit stalls for a pixel that is in flight in it.
     Hazard,
-    /// Bytes move no faster.
+    /// Bandwidth and latency of memory.
     Memory,
 }
 
@@ -46,21 +48,21 @@ pub struct Limit {
     pub without: u64,
 }
 
-/// What a frame that took these cycles is limited by. Of equals the first in the order of the
-/// diagram, then hazards, then memory; where nothing alone gains anything, what is busiest.
+/// The limit of a frame with these cycles. For equal gains, the first in the order of the diagram,
+/// then hazards, then memory; if no single limit gains anything, the busiest unit.
 pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit {
-    let mut search = Search::new(timing, work, cycles);
+    let mut search = LimitSearch::new(timing, work, cycles);
     while let Some(lifted) = search.next() {
         search.tried(replay(&lifted, work, Detail::Total).total);
     }
     search.found()
 }
 
-/// The same of several machines, whose replays go abreast.
+/// [`limit`] for several machines, with batched replays.
 pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limit> {
-    let mut searches: Vec<Search> = frames
+    let mut searches: Vec<LimitSearch> = frames
         .iter()
-        .map(|(timing, cycles)| Search::new(timing, work, cycles))
+        .map(|(timing, cycles)| LimitSearch::new(timing, work, cycles))
         .collect();
     loop {
         let (mut tried, mut lifted) = (Vec::new(), Vec::new());
@@ -70,7 +72,7 @@ pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limi
             lifted.extend(next);
         }
         if lifted.is_empty() {
-            return searches.iter().map(Search::found).collect();
+            return searches.iter().map(LimitSearch::found).collect();
         }
         let totals = replay_all(&lifted.iter().collect::<Vec<_>>(), work, Detail::Total);
         tried
@@ -80,24 +82,24 @@ pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limi
     }
 }
 
-/// What limits a machine, as far as it is known.
-struct Search<'a> {
+/// Search for the limit of a machine.
+struct LimitSearch<'a> {
     timing: &'a Microarchitecture,
     cycles: &'a Cycles,
-    /// What is not tried yet, that which could gain least first.
+    /// Candidates that are not tried yet, the one with the smallest bound first.
     left: Vec<Candidate>,
-    /// What is tried now, and what gained most so far, with its place.
+    /// The current candidate, and the best one so far with its rank.
     now: Option<Candidate>,
     best: Option<(Limit, usize)>,
 }
 
-impl<'a> Search<'a> {
+impl<'a> LimitSearch<'a> {
     fn new(timing: &'a Microarchitecture, work: &Work, cycles: &'a Cycles) -> Self {
         let mut left = candidates(timing, work, cycles);
-        // Stable: equals stay in order.
+        // A stable sort: equal bounds stay in order.
         left.sort_by_key(|(at_most, ..)| std::cmp::Reverse(*at_most));
         left.reverse();
-        Search {
+        LimitSearch {
             timing,
             cycles,
             left,
@@ -111,7 +113,7 @@ impl<'a> Search<'a> {
             .map_or(0, |(limit, _)| self.cycles.total - limit.without)
     }
 
-    /// The machine without what comes next, if that may gain more than what was tried.
+    /// The machine without the next candidate, if that can gain more than the best one so far.
     fn next(&mut self) -> Option<Microarchitecture> {
         let gained = self.gained();
         self.now = self
@@ -125,7 +127,7 @@ impl<'a> Search<'a> {
             .map(|(_, _, name, by)| lifted(self.timing, name, by))
     }
 
-    /// Without that it takes so many cycles.
+    /// Records the cycles without the current candidate.
     fn tried(&mut self, without: u64) {
         let Some((at_most, place, name, by)) = self.now.take() else {
             return;
@@ -146,8 +148,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// How many cycles a frame that took these could gain at most without each of its limits, by
-/// itself, as far as that is known without a replay.
+/// Bounds of the cycles that a frame can save by lifting each of its limits, without replays.
 pub fn most_gained(
     timing: &Microarchitecture,
     work: &Work,
@@ -161,27 +162,27 @@ pub fn most_gained(
 
 type Candidate = (u64, usize, &'static str, Limited);
 
-/// How many cycles each limit could cost at most, and its place among equals.
+/// The bound of each limit, and its rank among equal ones.
 fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<Candidate> {
     let mut all: Vec<Candidate> = Vec::new();
     for unit in &cycles.units {
-        // Whoever asks shade waits for its latency, too.
-        let waits = if unit.name.ends_with("shade") {
+        // Requesters of shade stall for its latency.
+        let stalls = if unit.name.ends_with("shade") {
             unit.items * u64::from(timing.shade.latency)
         } else {
             0
         };
         match all.iter_mut().find(|(_, _, name, _)| *name == unit.name) {
-            Some((at_most, ..)) => *at_most += unit.account.busy + waits,
+            Some((at_most, ..)) => *at_most += unit.account.busy + stalls,
             None => all.push((
-                unit.account.busy + waits,
+                unit.account.busy + stalls,
                 all.len(),
                 unit.name,
                 Limited::Work,
             )),
         }
     }
-    // Look-ups stand still while too many lines are on their way.
+    // Look-ups stall while too many lines are in flight.
     let held = |unit: &UnitCycles| {
         if unit.name == "cache" {
             unit.account.memory
@@ -207,18 +208,19 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
         Limited::Hazard,
     ));
     if !timing.timing.memory.ideal {
-        // Who waits for what memory holds up is not known: it may be all.
+        // Stalls for memory are not attributed to their causes: all cycles can be due to it.
         all.push((cycles.total, all.len(), "memory", Limited::Memory));
     }
-    // Where pixels stop, whatever is faster may leave more out than it is itself busy with. Of
-    // several side by side a way may go through one while the others are busy, or merges under way.
+    // If pixels stop, a faster unit can skip more work than its own. With parallel units, the
+    // longest path can go through one of them while the others are busy, or while merges are in
+    // flight.
     if work.stops() || !timing.is_single() || timing.sorters() > 1 {
         all.iter_mut()
             .filter(|(at_most, ..)| *at_most > 0)
             .for_each(|(at_most, ..)| *at_most = cycles.total);
         return all;
     }
-    // What mirrors waits for its surroundings, from memory perhaps.
+    // Reflections stall for texels, possibly from memory.
     if !work.mirrors {
         for (at_most, _, name, by) in &mut all {
             match (*name, *by) {
@@ -237,9 +239,9 @@ fn of<'a>(cycles: &'a Cycles, name: &'a str) -> impl Iterator<Item = &'a UnitCyc
     cycles.units.iter().filter(move |unit| unit.name == name)
 }
 
-/// What a frame takes at least with ideal memory. Its second pass begins when every entry is
-/// written, and sorted. Shade is free whenever one fragment unit asks it, so that merges take as
-/// long.
+/// Least cycles of a frame with ideal memory. Its second pass begins when every entry is written
+/// and sorted. Shade is free whenever the only fragment unit requests it, so merges take the same
+/// time.
 fn without_memory(cycles: &Cycles) -> u64 {
     let busy = |name: &str| of(cycles, name).map(|unit| unit.account.busy).sum::<u64>();
     let units = [
@@ -252,7 +254,7 @@ fn without_memory(cycles: &Cycles) -> u64 {
     busy("bin") + busy(unit::SORT) + units.into_iter().map(busy).max().unwrap_or(0)
 }
 
-/// The same microarchitecture without a limit.
+/// The microarchitecture without a limit.
 fn lifted(timing: &Microarchitecture, name: &'static str, by: Limited) -> Microarchitecture {
     let mut other = timing.clone();
     match by {

@@ -1,21 +1,20 @@
-//! Memory: one channel, rows that are open, latencies; what there is beyond that is in
-//! `channels.rs`.
+//! Memory: one channel with open rows and latencies; `channels.rs` has everything beyond that.
 //!
 //! ```text
-//! request ─►( first free moment of the channel at or after it )─► bytes ÷ bandwidth ─►( + latency of an open or another row )─► done
+//! request ─►( first free cycle of the channel from its own on )─► bytes ÷ bandwidth ─►( + latency of an open or another row )─► done
 //! ```
-//! Items are gone through one after the other, each through all units, so that requests do not come
-//! in the order of time. The channel therefore keeps the gaps between what it gave away. A request
-//! takes the first bytes left from its cycle on. Rows are opened in the order of requests. What
-//! nobody waits for is written after all that is asked for before; where the first pass of a binned
-//! machine fetches and writes lists, who comes first asks first, as far as it has room. Ideal
-//! memory has no channel: bytes are there a cycle and the latency of an open row after they are
-//! asked for.
+//! Items are replayed one by one, each through all units, so requests are not in order of time. The
+//! channel therefore keeps the gaps between its used cycles. A request takes the first free bytes
+//! from its cycle on. Rows are opened in the order of requests. Posted writes are done after all
+//! requests of earlier cycles. When the first pass of a binned machine fetches and writes lists,
+//! the earlier unit sends its requests first, if it has room. Ideal memory has no channel: bytes
+//! arrive one cycle and the latency of an open row after their request.
 //!
-//! A channel that serves who came first takes as long within 0.6 % on small versions of the
-//! built-in scenes, within 0.63 % on themselves (terrain, binned, both times); of random frames
-//! with narrow memory nine in ten are off by at most 1.5 % (immediate) and 4.5 % (binned), one of a
-//! few hundred cycles by 25 %, all together by 0.3 %. The same bytes are moved in the same bursts.
+//! Compared with a channel that serves requests in order of arrival, cycles agree within 0.6 % on
+//! small versions of the built-in scenes, and within 0.63 % on the full ones (the worst is terrain,
+//! binned, both times). For random frames with narrow memory, nine in ten are off by at most 1.5 %
+//! (immediate) and 4.5 % (binned), one frame of a few hundred cycles by 25 %, and all together by
+//! 0.3 %. The bytes and bursts moved are the same.
 //!
 //! Laws: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`,
 //! `replayed_scenes_are_at_most_a_hundredth_off`,
@@ -26,64 +25,64 @@ use crate::machine::timing::Memory as Description;
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Client that asks.
+/// Requester of memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Client {
+pub enum Requester {
     /// Splat records.
     Splats,
-    /// The first pass writes tile lists and the splats that were set up.
+    /// Tile lists and prepared splats, written by the first pass.
     Binning,
     /// Passes of the sort.
     Sort,
-    /// The second pass reads tile lists and the splats that were set up.
+    /// Tile lists and prepared splats, read by the second pass.
     Lists,
-    /// Fragments that come back.
+    /// Fragments that are loaded.
     FrameRead,
-    /// Fragments, or frame words, that leave.
+    /// Fragments, or frame words, that are stored.
     FrameWrite,
     /// The map of surroundings.
     Environment,
 }
 
-impl Client {
+impl Requester {
     /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
-            Client::Splats => "splats",
-            Client::Binning => "binning",
-            Client::Sort => "sort",
-            Client::Lists => "lists",
-            Client::FrameRead => "frame_read",
-            Client::FrameWrite => "frame_write",
-            Client::Environment => "environment",
+            Requester::Splats => "splats",
+            Requester::Binning => "binning",
+            Requester::Sort => "sort",
+            Requester::Lists => "lists",
+            Requester::FrameRead => "frame_read",
+            Requester::FrameWrite => "frame_write",
+            Requester::Environment => "environment",
         }
     }
 }
 
-/// All of them, in the order of reports.
-pub const CLIENTS: [Client; 7] = [
-    Client::Splats,
-    Client::Binning,
-    Client::Sort,
-    Client::Lists,
-    Client::FrameRead,
-    Client::FrameWrite,
-    Client::Environment,
+/// All requesters, in the order of reports.
+pub const REQUESTERS: [Requester; 7] = [
+    Requester::Splats,
+    Requester::Binning,
+    Requester::Sort,
+    Requester::Lists,
+    Requester::FrameRead,
+    Requester::FrameWrite,
+    Requester::Environment,
 ];
 
-/// Where what lies: regions so far apart that no two share a row. Splat records begin at 0.
+/// Distance between regions of memory, which do not share rows. Splat records begin at 0.
 const REGION: u64 = 1 << 40;
-/// Splats that were set up.
+/// Address of prepared splats.
 pub const RECORDS: u64 = REGION;
-/// Lists of tiles.
+/// Address of tile lists.
 pub const LISTS: u64 = 2 * REGION;
-/// Lines of fragments.
+/// Address of lines of fragments.
 pub const LINES: u64 = 3 * REGION;
-/// Frame words.
+/// Address of frame words.
 pub const WORDS: u64 = 4 * REGION;
-/// Nodes of a tree that are drawn, by their size.
+/// Address of the listed nodes of a tree, with their sizes.
 pub const NODES: u64 = 5 * REGION;
-/// The map of surroundings.
+/// Address of the map of surroundings.
 pub const MAP: u64 = 6 * REGION;
 
 /// Bins of the histogram of latencies.
@@ -92,16 +91,16 @@ pub const LATENCY_BINS: usize = 24;
 /// Traffic of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MemoryCycles {
-    /// Cycles in which bytes were moved, by all channels at once, rounded up; 0 of ideal memory.
+    /// Cycles in which bytes were moved, by all channels together, rounded up; 0 for ideal memory.
     pub busy: u64,
-    /// Bytes read and written by each client.
-    pub bytes: [[u64; 2]; CLIENTS.len()],
-    /// Bursts of each client.
-    pub requests: [u64; CLIENTS.len()],
+    /// Bytes read and written by each requester.
+    pub bytes: [[u64; 2]; REQUESTERS.len()],
+    /// Bursts of each requester.
+    pub requests: [u64; REQUESTERS.len()],
     /// Bursts that found their row open.
     pub row_hits: u64,
-    /// Reads, of however many bursts, by latency: `latencies[n]` counts those of 2^n to 2^(n+1) − 1
-    /// cycles.
+    /// Reads, of any number of bursts, by latency: `latencies[n]` counts those of 2^n to 2^(n+1) −
+    /// 1 cycles.
     pub latencies: [u64; LATENCY_BINS],
 }
 
@@ -112,17 +111,16 @@ impl MemoryCycles {
     }
 }
 
-/// A write for which nobody waits.
+/// A posted write: no unit stalls for it.
 #[derive(Clone, Copy, Debug)]
-struct Later {
+struct PostedWrite {
     cycle: u64,
-    client: Client,
+    requester: Requester,
     address: u64,
     bytes: u64,
 }
 
-/// What was not given away of something, since the first cycle: gaps, and all from the last of them
-/// on.
+/// The unused amounts of a resource over time: gaps, and everything from `never_used` on.
 #[derive(Clone, Debug, Default)]
 pub struct Free {
     gaps: VecDeque<Range<u64>>,
@@ -130,10 +128,10 @@ pub struct Free {
 }
 
 impl Free {
-    /// Gives so much away from here on, the first that is left; says what follows it.
+    /// Uses the first `amount` that is free from `now` on; returns its end.
     #[inline(always)]
     pub fn take(&mut self, now: u64, amount: u64) -> u64 {
-        // Mostly nothing was given away after it.
+        // Common case: nothing is used after `now`.
         if self.never_used <= now {
             if self.never_used < now {
                 self.gaps.push_back(self.never_used..now);
@@ -157,7 +155,7 @@ impl Free {
             amount -= to - from;
             let after = to..std::mem::replace(&mut gap.end, from);
             if from == gap.start {
-                // From its beginning on: what is left of it stays.
+                // The gap is used from its start; the rest remains.
                 *gap = after;
                 if gap.is_empty() {
                     self.gaps.remove(index);
@@ -174,7 +172,7 @@ impl Free {
         }
     }
 
-    /// Gives so much away in one piece, from here on, the first that is left; says where it begins.
+    /// Uses the first contiguous free `amount` from `now` on; returns its start.
     pub fn take_whole(&mut self, now: u64, amount: u64) -> u64 {
         let first = self.gaps.partition_point(|gap| gap.end <= now);
         let fits = |gap: &Range<u64>| gap.end.saturating_sub(gap.start.max(now)) >= amount;
@@ -186,40 +184,40 @@ impl Free {
         from
     }
 
-    /// Nothing will be taken before this one.
+    /// Nothing before this is used any more.
     pub fn forget(&mut self, before: u64) {
         while self.gaps.pop_front_if(|gap| gap.end <= before).is_some() {}
     }
 }
 
-/// The channel.
+/// The memory of a machine.
 #[derive(Clone, Debug)]
 pub struct Memory {
     description: Description,
-    /// Logarithms of a burst's and a row's bytes.
+    /// Base-2 logarithms of the bytes of a burst and of a row.
     log: [u32; 2],
     /// In bytes.
     bus: Free,
     open: Box<[u64]>,
-    /// In the place of these, where there is more than one channel of open rows.
+    /// Replaces `bus` and `rows` if memory has more than one channel with open rows.
     channels: Option<Box<Channels>>,
-    /// What is still to be written, by cycle, and when the last that was is there.
-    later: VecDeque<Later>,
+    /// Posted writes that are not done yet, by cycle, and the end of the last one that is.
+    posted: VecDeque<PostedWrite>,
     written: u64,
     cycles: MemoryCycles,
     logged: Option<Vec<Request>>,
 }
 
-/// Request to memory.
+/// A request to memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// When.
+    /// Its cycle.
     pub cycle: u64,
-    /// The first byte, at a burst's beginning.
+    /// The first byte, at the start of a burst.
     pub address: u64,
-    /// Whole bursts of them.
+    /// A whole number of bursts.
     pub bytes: u64,
-    /// From memory or to it.
+    /// Read or write.
     pub direction: Direction,
 }
 
@@ -241,63 +239,63 @@ impl Memory {
             bus: Free::default(),
             open: vec![u64::MAX; description.banks as usize].into(),
             channels: Channels::new(description).map(Box::new),
-            later: VecDeque::new(),
+            posted: VecDeque::new(),
             written: 0,
             cycles: MemoryCycles::default(),
             logged: logged.then(Vec::new),
         }
     }
 
-    /// Writes bytes for which nobody waits: after all that is asked for before this cycle, whenever
-    /// that is said.
-    pub fn write_later(&mut self, cycle: u64, client: Client, address: u64, bytes: u64) {
+    /// Posts a write, which is done after all requests of earlier cycles, in whatever order these
+    /// are replayed.
+    pub fn post_write(&mut self, cycle: u64, requester: Requester, address: u64, bytes: u64) {
         if self.description.ideal {
-            let done = self.answer(cycle, client, Direction::Write, address, bytes);
+            let done = self.serve_ideal(cycle, requester, Direction::Write, address, bytes);
             self.written = self.written.max(done);
             return;
         }
-        let at = self.later.partition_point(|before| before.cycle <= cycle);
-        self.later.insert(
+        let at = self.posted.partition_point(|before| before.cycle <= cycle);
+        self.posted.insert(
             at,
-            Later {
+            PostedWrite {
                 cycle,
-                client,
+                requester,
                 address,
                 bytes,
             },
         );
     }
 
-    /// Moves bytes from an address on, in whole bursts; says when the last has come.
+    /// Moves bytes from an address on, in whole bursts; returns the arrival of the last one.
     #[inline(always)]
     pub fn request(
         &mut self,
         now: u64,
-        client: Client,
+        requester: Requester,
         direction: Direction,
         address: u64,
         bytes: u64,
     ) -> u64 {
         if self.description.ideal {
-            return self.answer(now, client, direction, address, bytes);
+            return self.serve_ideal(now, requester, direction, address, bytes);
         }
-        self.request_of_channel(now, client, direction, address, bytes)
+        self.request_of_channel(now, requester, direction, address, bytes)
     }
 
     #[inline(never)]
     fn request_of_channel(
         &mut self,
         now: u64,
-        client: Client,
+        requester: Requester,
         direction: Direction,
         address: u64,
         bytes: u64,
     ) -> u64 {
         self.write_until(now);
-        self.serve(now, client, direction, address, bytes)
+        self.serve(now, requester, direction, address, bytes)
     }
 
-    /// Nobody will ask for anything before this cycle.
+    /// No later request is before this cycle.
     #[inline(always)]
     pub fn forget(&mut self, before: u64) {
         if !self.description.ideal {
@@ -315,42 +313,42 @@ impl Memory {
         }
     }
 
-    /// Writes what is to be written up to a cycle.
+    /// Does the posted writes up to a cycle.
     fn write_until(&mut self, now: u64) {
-        while let Some(Later {
+        while let Some(PostedWrite {
             cycle,
-            client,
+            requester,
             address,
             bytes,
-        }) = self.later.pop_front_if(|later| later.cycle <= now)
+        }) = self.posted.pop_front_if(|posted| posted.cycle <= now)
         {
-            let done = self.serve(cycle, client, Direction::Write, address, bytes);
+            let done = self.serve(cycle, requester, Direction::Write, address, bytes);
             self.written = self.written.max(done);
         }
     }
 
-    /// Ideal: every request is answered as fast.
+    /// Ideal memory: every request has the same latency.
     #[inline(always)]
-    fn answer(
+    fn serve_ideal(
         &mut self,
         now: u64,
-        client: Client,
+        requester: Requester,
         direction: Direction,
         address: u64,
         bytes: u64,
     ) -> u64 {
-        self.count(now, client, direction, address, bytes);
+        self.count(now, requester, direction, address, bytes);
         let done = now + 1 + u64::from(self.description.hit_latency);
         self.count_latency(direction, done - now);
         done
     }
 
-    /// Whole bursts: from where to where.
+    /// Counts whole bursts; returns their first and last byte.
     #[inline(always)]
     fn count(
         &mut self,
         now: u64,
-        client: Client,
+        requester: Requester,
         direction: Direction,
         address: u64,
         bytes: u64,
@@ -358,8 +356,8 @@ impl Memory {
         let burst = 1 << self.log[0];
         let [first, last] = [address, address + bytes.max(1) - 1].map(|byte| byte / burst);
         let (from, end) = (first * burst, (last + 1) * burst);
-        self.cycles.bytes[client as usize][direction as usize] += end - from;
-        self.cycles.requests[client as usize] += last + 1 - first;
+        self.cycles.bytes[requester as usize][direction as usize] += end - from;
+        self.cycles.requests[requester as usize] += last + 1 - first;
         if let Some(logged) = &mut self.logged {
             logged.push(Request {
                 cycle: now,
@@ -378,17 +376,17 @@ impl Memory {
         }
     }
 
-    /// A row is opened for each that the bytes lie in.
+    /// Opens a row for each row of the bytes.
     fn serve(
         &mut self,
         now: u64,
-        client: Client,
+        requester: Requester,
         direction: Direction,
         address: u64,
         bytes: u64,
     ) -> u64 {
         let row = 1 << self.log[1];
-        let [mut from, end] = self.count(now, client, direction, address, bytes);
+        let [mut from, end] = self.count(now, requester, direction, address, bytes);
         if let Some(channels) = &mut self.channels {
             let [done, hits] = channels.serve(now, direction, from, end);
             self.cycles.row_hits += hits;
@@ -415,20 +413,19 @@ impl Memory {
         let bank = row as usize & (self.open.len() - 1);
         let open = &mut self.open[bank];
         let is_open = std::mem::replace(open, row) == row;
-        // After its first burst the row is open.
+        // After the first burst the row is open.
         self.cycles.row_hits += u64::from(is_open) + bytes / (1 << self.log[0]) - 1;
         self.move_bytes(now, bytes) + u64::from(if is_open { hit_latency } else { miss_latency })
     }
 
-    /// When the channel has moved so many bytes, from a cycle on.
+    /// The cycle in which the channel has moved `bytes` bytes, from a cycle on.
     #[inline(always)]
     fn move_bytes(&mut self, now: u64, bytes: u64) -> u64 {
         let a_cycle = u64::from(self.description.bytes_per_cycle);
         self.bus.take(now * a_cycle, bytes).div_ceil(a_cycle)
     }
 
-    /// The traffic, for how long the channel was busy with it, what was logged, and when all is
-    /// written for which nobody waited.
+    /// The traffic with the busy cycles of the channel, the log, and the end of all posted writes.
     pub fn finish(mut self) -> (MemoryCycles, Vec<Request>, u64) {
         self.write_until(u64::MAX);
         let thousandths = self.description.bytes_per_1000_cycles();
@@ -448,7 +445,7 @@ impl Memory {
     }
 }
 
-/// Requests that a client can have on their way.
+/// Outstanding requests of a requester.
 #[derive(Clone, Debug)]
 pub struct Outstanding {
     done: Box<[u64]>,
@@ -463,12 +460,12 @@ impl Outstanding {
         }
     }
 
-    /// The first cycle in which another can go.
+    /// The first cycle in which a further request can be sent.
     pub fn free(&self) -> u64 {
         self.done[self.next]
     }
 
-    /// Another is done then.
+    /// Adds a request that is done in this cycle.
     pub fn push(&mut self, done: u64) {
         self.done[self.next] = done;
         self.next = if self.next + 1 == self.done.len() {
@@ -479,8 +476,8 @@ impl Outstanding {
     }
 }
 
-/// Cycles that memory takes for requests in this order, at most `queue` of them under way, whatever
-/// their own cycles are.
+/// Cycles that memory takes for requests in this order, at most `queue` of them outstanding,
+/// whatever their own cycles are.
 pub fn serve(memory: Description, requests: impl IntoIterator<Item = Request>, queue: u32) -> u64 {
     let mut served = Memory::new(memory, false);
     let mut outstanding = Outstanding::new(queue);
@@ -494,7 +491,7 @@ pub fn serve(memory: Description, requests: impl IntoIterator<Item = Request>, q
     {
         asked = asked.max(outstanding.free());
         served.forget(asked);
-        let done = served.request(asked, Client::Lists, direction, address, bytes);
+        let done = served.request(asked, Requester::Lists, direction, address, bytes);
         outstanding.push(done);
         last = last.max(done);
     }

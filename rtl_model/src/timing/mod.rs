@@ -1,25 +1,24 @@
-//! Timing: recorded work → cycles. It never asks what a value is, and never decides what work there
+//! Timing: recorded work → cycles. It does not depend on values, and never decides what work there
 //! is.
 //!
 //! ```text
 //! Work ─►( stamps )─► immediate: fetch ─► project ─► ellipse [─► colour] ─► raster ─► gauss ─► cache ─► fragment ─► resolve
 //!                └─► binned:    fetch ─► project ─► ellipse [─► colour] ─► lists ║ fetch ─► raster ─► gauss ─► fragment ─► resolve
 //! ```
-//! Units are in order. One takes an item at the latest of three moments: the item is here, the unit
-//! is free, there is room behind it. The cycles that it waits have that moment's name. So nothing
-//! ticks: a frame is gone through once, item by item, each through all units.
+//! Units are in order. A unit takes an item at the latest of three moments: the item has arrived,
+//! the unit is free, there is room behind it. The cycles of a stall are named after that moment. So
+//! there is no clock loop: a frame is replayed item by item, each through all units.
 //!
-//! - *Here*: `latency` cycles after the unit before took it.
-//! - *Free*: `interval` cycles after the item before, or what that took.
-//! - *Room*: behind a unit lie as many places as its FIFO has and as are under way in its pipeline.
-//!   A place is taken when the unit takes an item that goes on, and given back when the next unit
-//!   takes that; it can be taken again in the cycle after.
+//! - *Arrived*: `latency` cycles after the previous unit took it.
+//! - *Free*: `interval` cycles after the previous item, or the cycles of that item.
+//! - *Room*: a unit has as many places behind it as its FIFO has and as are in flight in its
+//! pipeline. A place is taken when the unit takes an item that continues, and given back when the
+//! next unit takes this item. It can be taken again in the following cycle.
 //!
-//! Exact, cycle by cycle, is all of this but memory that is not ideal: its one channel serves
-//! requests in the order in which items are gone through, not first come, first served
-//! (`memory.rs`). A frame is off by at most 0.6 % on small versions of the built-in scenes, by 0.63
-//! % on themselves. More channels, ranks, refresh, turnaround and limits of rows are in
-//! `channels.rs`.
+//! All of this is exact to the cycle, except memory that is not ideal: its one channel serves
+//! requests in the order of the replay, not of their arrival (`memory.rs`). The error of a frame is
+//! at most 0.6 % on small versions of the built-in scenes, and 0.63 % on the full ones. More
+//! channels, ranks, refresh, turnaround and limits of rows are in `channels.rs`.
 //!
 //! Laws: `a_frame_ticks_as_it_is_replayed`, `a_binned_frame_ticks_as_it_is_replayed`,
 //! `replayed_scenes_are_at_most_a_hundredth_off`.
@@ -41,9 +40,9 @@ mod tiles;
 mod walk;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
-pub use binned::abreast::replay_all;
+pub use binned::batched::replay_all;
 pub use limit::{Limit, Limited, limit, limits, most_gained};
-pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request, serve};
+pub use memory::{Direction, MemoryCycles, REQUESTERS, Request, Requester, serve};
 pub use stops::EarlyTermination;
 pub use tiles::{Share, TileCycles, Tiles};
 
@@ -59,32 +58,30 @@ use memory::Memory;
 pub struct Cycles {
     /// From the first request to the last word written.
     pub total: u64,
-    /// Every unit, in the order of the diagram; none of [`Detail::Total`].
+    /// Every unit, in the order of the diagram; empty for [`Detail::Total`].
     pub units: Vec<UnitCycles>,
-    /// Memory, which lies outside of the chip.
+    /// Traffic of memory, which is outside of the chip.
     pub memory: MemoryCycles,
-    /// Every request to memory, in the order in which items are gone through, if that was to be
-    /// logged.
+    /// Every request to memory, in the order of the replay, for [`Detail::Log`].
     pub requests: Vec<Request>,
-    /// Lines looked up by the cache, and those among them that it had.
+    /// Lines looked up by the cache, and the hits among them.
     pub lookups: [u64; 2],
-    /// Lines of the map of surroundings looked up by its caches, and those among them that they
-    /// had.
+    /// Lines of the map of surroundings looked up by its caches, and the hits among them.
     pub texels: [u64; 2],
-    /// Stamps of the rasteriser, and those among them that kept a pixel.
+    /// Stamps of the rasteriser, and those with a kept pixel.
     pub stamps: [u64; 2],
-    /// Cycles for which merges, and resolve, waited for light that does not mirror.
+    /// Cycles for which merges and resolve stalled for light without reflections.
     pub light: u64,
-    /// Degree of the harmonics that `colour` took.
+    /// Degree of the harmonics evaluated by `colour`.
     pub harmonics: u8,
-    /// Tile after tile of a binned machine; of [`Detail::Histograms`] and above.
+    /// Tile by tile for a binned machine; for [`Detail::Histograms`] and above.
     pub tiles: Option<Tiles>,
-    /// Of a binned machine on a frame in which pixels stop.
+    /// For a binned machine on a frame in which pixels stop.
     pub early_termination: Option<EarlyTermination>,
 }
 
 impl Cycles {
-    /// Of units and memory when all is through. Nothing looked up, no stamps.
+    /// From units and memory after the replay, without look-ups and stamps.
     fn of(units: Vec<Unit>, memory: Memory, detail: Detail) -> Self {
         let (memory, requests, written) = memory.finish();
         let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
@@ -117,8 +114,7 @@ impl Cycles {
     }
 }
 
-/// Every unit that has an account of its cycles in one organisation or another, in the order of the
-/// diagrams.
+/// Every unit with an account of its cycles in some organisation, in the order of the diagrams.
 pub const UNITS: [&str; 15] = [
     "fetch",
     unit::PROJECT,
@@ -137,13 +133,12 @@ pub const UNITS: [&str; 15] = [
     unit::RESOLVE,
 ];
 
-/// The second shade unit of a machine of windows, which lights every splat in setup.
+/// The second shade unit of a machine with windows, which lights every splat in setup.
 const SETUP_SHADE: &str = "setup-shade";
-/// The second shade unit of a machine with two tile buffers, which lights what a tile holds in the
-/// end.
+/// The second shade unit of a machine with two tile buffers, which lights fragments for resolve.
 const RESOLVE_SHADE: &str = "resolve-shade";
 
-/// Replays a frame's work on a microarchitecture. What it takes is the same whatever is told of it.
+/// Replays a frame's work on a microarchitecture. The cycles do not depend on `detail`.
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
     let cycles = match timing.timing.organisation {
         Organisation::Immediate => immediate::replay(timing, work, detail),

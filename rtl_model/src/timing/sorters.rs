@@ -1,34 +1,34 @@
-//! Sorters: sort tiles' lists one by one, between the passes of a binned machine.
+//! Sorters: sorts tiles' lists one by one, between the passes of a binned machine.
 //!
 //! ```text
-//! lists, an entry with its key each ─► load ─► sort, an entry a cycle ─► store ─► lists of numbers
-//!                                  ▲                                       │
-//!                                  └──── chunks, buckets, in memory ◄──────┘
+//! lists of entries with keys ─► load ─► sort, an entry per cycle ─► store ─► lists of indices
+//!                            ▲                                       │
+//!                            └──── chunks, buckets, in memory ◄──────┘
 //! ```
-//! A list is a chain of *jobs*. A job loads entries, works on them and stores them:
+//! A list is a chain of *jobs*. A job loads entries, processes them and stores them:
 //!
-//! - *Sort*: up to `buffer_entries` entries. The network takes so many of them a cycle as it is
-//!   wide, and gives runs of that length after its latency. Each pass of merging then takes a cycle
-//!   for each entry: ⌈log2 ⌈n/network⌉⌉ passes.
-//! - *Merge*: half a buffer of entries of two sorted chunks in memory, a cycle for each, so that
-//!   the other half is loaded meanwhile. The passes over a list of c chunks are ⌈log2 c⌉.
-//! - *Distribute*: half a buffer of entries, a cycle for each, to buckets in memory. Each bucket
-//!   gathers a burst; what is left of them goes with the last entries.
+//! - *Sort*: up to `buffer_entries` entries. The network takes `network` entries per cycle, and
+//! returns runs of that length after its latency. Each merge pass then takes one cycle per entry:
+//! ⌈log2 ⌈n/network⌉⌉ passes.
+//! - *Merge*: half a buffer of entries of two sorted chunks in memory, one cycle per entry, so that
+//! the other half is loaded at the same time. A list of c chunks takes ⌈log2 c⌉ passes.
+//! - *Distribute*: half a buffer of entries, one cycle per entry, to buckets in memory. Each bucket
+//! gathers a burst; the remaining ones are stored with the last entries.
 //!
-//! A job is loaded as soon as the sorter has room: after the network has taken the job before, or
-//! at once where half a buffer is free. It begins when it is loaded and the job before has ended.
-//! Its last pass goes into the buffer that is stored, so it waits for what was stored before. What
-//! a pass over memory reads has been written before. Entries that are sorted for good are stored as
-//! numbers of 4 bytes.
+//! A job is loaded when the sorter has room: after the network has taken the previous job, or at
+//! once if half a buffer is free. It begins when it is loaded and the previous job has ended. Its
+//! last pass goes to the buffer that is stored, so it stalls for the previous store. A pass over
+//! memory reads only what has been written before. Entries in their final order are stored as
+//! indices of 4 bytes.
 //!
-//! Each sorter takes the next list, of several the first; their requests are in the order of time,
-//! those of one cycle in the order of sorters, what is stored first.
+//! Each sorter takes the next list; if several are free, the first one does. Requests are in order
+//! of time; those of one cycle are in the order of sorters, stores first.
 //!
 //! Laws: `sorters_tick_as_they_are_replayed`, `a_list_that_fits_the_buffer_takes_its_formula`.
 
 use super::account::{Detail, Ready, Unit};
 use super::binned::{ENTRY_BYTES, LIST_BYTES};
-use super::memory::{Client, Direction, LISTS, Memory};
+use super::memory::{Direction, LISTS, Memory, Requester};
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use crate::elaboration::sorter::SorterShape;
 use crate::elaboration::unit;
@@ -36,51 +36,51 @@ use crate::work::{Bins, Work};
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Lists of entries with their keys, and those that are sorted in chunks: so far apart.
+/// Distance between lists of entries with keys, and between lists in sorted chunks.
 const KEYED_BYTES: u64 = 1 << 28;
-/// Lists as the first pass writes them.
+/// Address of the lists of the first pass.
 pub const KEYED: u64 = 1 << 60;
-/// Chunks, from the one half to the other.
+/// Addresses of chunks, which alternate between the two.
 const CHUNKS: [u64; 2] = [KEYED + (1 << 54), KEYED + (2 << 54)];
-/// Buckets of each sorter.
+/// Address of the buckets.
 const BUCKETS: u64 = KEYED + (3 << 54);
-/// Buckets of a sorter lie so far from those of the next one.
+/// Distance between the buckets of two sorters.
 const BUCKETS_BYTES: u64 = 1 << 42;
 
-/// Where the list of a tile lies before it is sorted.
+/// Address of the unsorted list of a tile.
 pub fn keyed(tile: usize) -> u64 {
     KEYED + tile as u64 * KEYED_BYTES
 }
 
 /// Work of a sorter between a load and a store.
 #[derive(Clone, Debug)]
-struct Job {
+struct SortJob {
     /// First byte and number of bytes.
     load: [u64; 2],
-    /// It loads what the jobs before stored.
+    /// It loads what the previous jobs stored.
     follows: bool,
-    /// Cycles from its beginning until the next one can be loaded.
+    /// Cycles from its start until the next one can be loaded.
     taken: u64,
-    /// Cycles of it.
+    /// Its cycles.
     work: u64,
     /// Cycles of its last pass.
     last_pass: u64,
     stores: Vec<[u64; 2]>,
 }
 
-/// A list, or a bucket of it, that is to be sorted.
+/// A list, or a bucket of it, to be sorted.
 #[derive(Clone, Copy)]
-struct Part {
-    /// Where its entries lie.
+struct ListPart {
+    /// Address of its entries.
     from: u64,
     entries: u64,
     /// Entries of the list before it.
     before: u64,
-    /// It was stored by the jobs before.
+    /// It was stored by the previous jobs.
     follows: bool,
 }
 
-/// Makes jobs of lists.
+/// Makes jobs from lists.
 struct Plan<'a> {
     shape: SortShape,
     sorter: SorterShape,
@@ -91,11 +91,11 @@ struct Plan<'a> {
 
 impl Plan<'_> {
     /// Jobs of the list of a tile, on one of the sorters.
-    fn jobs(&self, tile: usize, sorter: u64) -> VecDeque<Job> {
+    fn jobs(&self, tile: usize, sorter: u64) -> VecDeque<SortJob> {
         let list = self.lists.of(tile);
         let entries = list.len() as u64;
         let mut jobs = VecDeque::new();
-        let whole = Part {
+        let whole = ListPart {
             from: keyed(tile),
             entries,
             before: 0,
@@ -113,7 +113,7 @@ impl Plan<'_> {
                     let from = Self::bucket(sorter, bucket);
                     self.sort(
                         tile,
-                        Part {
+                        ListPart {
                             from,
                             entries,
                             before,
@@ -134,18 +134,18 @@ impl Plan<'_> {
         BUCKETS + sorter * BUCKETS_BYTES + bucket as u64 * KEYED_BYTES
     }
 
-    /// Distributes a list to buckets; says how many entries each has.
+    /// Distributes a list to buckets; returns the number of entries of each.
     fn distribute(
         &self,
         tile: usize,
         bits: u32,
         sorter: u64,
-        jobs: &mut VecDeque<Job>,
+        jobs: &mut VecDeque<SortJob>,
     ) -> Vec<u64> {
-        // As the first pass writes it: in input order.
+        // In input order, as written by the first pass.
         let mut list = self.lists.of(tile).to_vec();
         list.sort_unstable();
-        // Keys that share a bucket.
+        // Number of keys per bucket.
         let of_bucket = 1 << (self.sorter.key_bits - bits);
         let of = |nth: u32| {
             self.work
@@ -184,7 +184,7 @@ impl Plan<'_> {
             }
             let load = self.bytes(keyed(tile), loaded, half.len() as u64);
             loaded += half.len() as u64;
-            jobs.push_back(Job::streamed(
+            jobs.push_back(SortJob::streamed(
                 load,
                 false,
                 half.len() as u64,
@@ -195,8 +195,8 @@ impl Plan<'_> {
         sizes
     }
 
-    /// Sorts a part of a list; of a list's last one, what is left of its last burst is stored.
-    fn sort(&self, tile: usize, part: Part, is_last: bool, jobs: &mut VecDeque<Job>) {
+    /// Sorts a part of a list. If it is the last part, the rest of the last burst is stored too.
+    fn sort(&self, tile: usize, part: ListPart, is_last: bool, jobs: &mut VecDeque<SortJob>) {
         let sorted = LISTS + tile as u64 * LIST_BYTES;
         let SorterShape {
             buffer_entries,
@@ -204,7 +204,7 @@ impl Plan<'_> {
             network_latency,
             ..
         } = self.sorter;
-        let Part {
+        let ListPart {
             from,
             entries,
             before,
@@ -228,7 +228,7 @@ impl Plan<'_> {
                     is_end,
                 ),
             };
-            jobs.push_back(Job {
+            jobs.push_back(SortJob {
                 load: self.bytes(from, first, n),
                 follows: follows && first == 0,
                 taken: fed,
@@ -254,7 +254,7 @@ impl Plan<'_> {
                     )
                 };
                 let load = self.bytes(CHUNKS[pass % 2] + tile as u64 * KEYED_BYTES, first, n);
-                jobs.push_back(Job::streamed(
+                jobs.push_back(SortJob::streamed(
                     load,
                     first == 0,
                     n,
@@ -274,7 +274,7 @@ impl Plan<'_> {
         self.shape.entry_bytes.into()
     }
 
-    /// Bytes of so many entries from one on.
+    /// First byte and number of bytes of `entries` entries from `first` on.
     fn bytes(&self, list: u64, first: u64, entries: u64) -> [u64; 2] {
         [
             list + first * self.entry_bytes(),
@@ -282,8 +282,8 @@ impl Plan<'_> {
         ]
     }
 
-    /// Bursts of a list that fill up with so many entries behind others; of the last ones, what is
-    /// left too.
+    /// Bursts of a list that are completed by `entries` entries behind others; the last ones
+    /// include the rest.
     fn full(
         &self,
         list: u64,
@@ -302,9 +302,9 @@ impl Plan<'_> {
     }
 }
 
-impl Job {
-    /// An entry a cycle; the next job finds half a buffer free, but not where it is of another
-    /// kind.
+impl SortJob {
+    /// A job of one entry per cycle. Half a buffer is then free for the next job, unless it is of
+    /// another kind.
     fn streamed(
         load: [u64; 2],
         follows: bool,
@@ -312,7 +312,7 @@ impl Job {
         is_end: bool,
         stores: Vec<[u64; 2]>,
     ) -> Self {
-        Job {
+        SortJob {
             load,
             follows,
             taken: if is_end { entries } else { 0 },
@@ -323,17 +323,18 @@ impl Job {
     }
 }
 
-/// A sorter at work.
+/// State of a sorter.
 struct Sorter {
     unit: Unit,
-    /// Jobs of its list that are not loaded yet, and from when on the next one can be.
-    jobs: VecDeque<Job>,
+    /// Jobs of its list that are not loaded yet, and the cycle from which the next one can be
+    /// loaded.
+    jobs: VecDeque<SortJob>,
     free: u64,
-    /// The job that is loaded and waits for what the one before stores, and when it begins.
-    loaded: Option<(Job, u64)>,
-    /// The job that works, and when it stores.
-    stores: Option<(Job, u64)>,
-    /// When the last job ended, and when everything that was stored is written.
+    /// The loaded job, which stalls for the previous store, and its start.
+    loaded: Option<(SortJob, u64)>,
+    /// The current job, and the cycle of its store.
+    stores: Option<(SortJob, u64)>,
+    /// The end of the last job, and of all stores.
     ended: u64,
     written: u64,
 }
@@ -365,7 +366,7 @@ impl Sorter {
         }
     }
 
-    /// When it asks for something next, and whether that is a load; none where it does not.
+    /// The cycle of its next request, and whether that is a load; none if there is none.
     fn next(&self, are_lists_left: bool) -> Option<(u64, bool)> {
         let follows = self.jobs.front().is_some_and(|job| job.follows);
         let can_load = self.loaded.is_none()
@@ -392,7 +393,7 @@ impl Sorter {
             (job.taken, job.work, job.last_pass) = (0, 0, 0);
         }
         let [address, bytes] = job.load;
-        let here = memory.request(now, Client::Sort, Direction::Read, address, bytes);
+        let here = memory.request(now, Requester::Sort, Direction::Read, address, bytes);
         let before = self.stores.as_ref().map_or(self.ended, |(_, when)| *when);
         let begins = here.max(before);
         self.free = begins + job.taken;
@@ -402,7 +403,7 @@ impl Sorter {
         }
     }
 
-    /// The loaded job works, if there is one.
+    /// Begins the loaded job, if any.
     fn begin(&mut self, from: u64) {
         let Some((job, begins)) = self.loaded.take() else {
             return;
@@ -420,7 +421,7 @@ impl Sorter {
         self.stores = Some((job, ends));
     }
 
-    /// Stores what it has worked on.
+    /// Stores the result of the current job.
     fn store(&mut self, from: u64, memory: &mut Memory) {
         let Some((job, now)) = self.stores.take() else {
             return;
@@ -430,7 +431,7 @@ impl Sorter {
         for [address, bytes] in job.stores {
             self.written = self.written.max(memory.request(
                 now,
-                Client::Sort,
+                Requester::Sort,
                 Direction::Write,
                 address,
                 bytes,
@@ -440,7 +441,8 @@ impl Sorter {
     }
 }
 
-/// Sorts every list, from a cycle on; says which units did, and when all lists are sorted.
+/// Sorts every list, from a cycle on; returns the units, and the cycle in which all lists are
+/// sorted.
 pub fn sort_lists(
     t: &Microarchitecture,
     work: &Work,
@@ -466,7 +468,7 @@ pub fn sort_lists(
         .collect();
     loop {
         let are_left = queue.peek().is_some();
-        // What is stored goes first.
+        // Stores first.
         let next = (sorters.iter().enumerate())
             .filter_map(|(nth, sorter)| sorter.next(are_left).map(|(when, load)| (when, load, nth)))
             .min();

@@ -1,19 +1,19 @@
-//! Stages: the units that both organisations have, as far as they are wired alike.
+//! Stages: the units that both organisations share, with their common wiring.
 //!
 //! ```text
 //! SetUp: fetch ─► project ─► ellipse [─► colour] [─► shade]    Fill: raster ─► gauss    Merge: fragment ◄─► shade    Resolve: resolve ◄─► shade
 //! ```
-//! Each goes through what it is given, one item after the other, and says when the next unit has
-//! it.
+//! Each replays its items one by one, and returns the cycle in which the next unit can take the
+//! result.
 
 use super::account::{Detail, Ready, Unit};
 use super::hazards::Hazards;
-use super::memory::{Client, Direction, Memory, Outstanding};
+use super::memory::{Direction, Memory, Outstanding, Requester};
 use super::stamps::{Piece, Stamps};
-use super::stops::Stops;
+use super::stops::StopMap;
 use super::texels;
 use super::texels::Texels;
-use super::walk::Walk;
+use super::walk::TreeWalk;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
 use crate::work::{Fate, Footprint, NO_TEXEL, TILE_PX, Work};
@@ -21,32 +21,32 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
 
-/// Fetch, project and ellipse, colour where harmonics become one, and shade where splats are lit
-/// before they are drawn: one splat each.
+/// Fetch, project and ellipse; colour, if records have harmonics; shade, if splats are lit before
+/// they are drawn. An item is a splat.
 #[derive(Clone)]
 pub struct SetUp<'a> {
     timing: &'a Microarchitecture,
     pub fetch: Unit,
     pub project: Unit,
     pub ellipse: Unit,
-    /// None where splats have colours.
+    /// None if records have colours.
     pub colour: Option<Unit>,
-    /// None where splats are not lit yet.
+    /// None if splats are lit later.
     pub shade: Option<Unit>,
-    /// That of `colour`.
+    /// Pace of `colour`.
     colour_pace: Pace,
     outstanding: Outstanding,
-    /// Where splats are found in a tree.
-    walk: Option<Walk<'a>>,
-    /// What mirrors, of shade, and what each drawn splat looks up.
+    /// Walk of the tree, if splats are in one.
+    walk: Option<TreeWalk<'a>>,
+    /// Shade's cache of texels, and the texels of each drawn splat.
     pub texels: Option<Texels>,
     looked_up: std::slice::Iter<'a, u16>,
-    /// When the map of surroundings is on the chip.
+    /// Cycle in which the map of surroundings is on the chip.
     loaded: u64,
     splat_bytes: u64,
-    /// When the last splat was fetched.
+    /// Cycle in which the last splat was fetched.
     pub fetched: u64,
-    /// Bursts fetched so far, and when all of them are here.
+    /// Bursts fetched so far, and the arrival of all of them.
     bursts: u64,
     burst_here: u64,
 }
@@ -103,7 +103,7 @@ impl<'a> SetUp<'a> {
                 )
             }),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
-            walk: Walk::new(timing, work, loaded),
+            walk: TreeWalk::new(timing, work, loaded),
             texels: Texels::new(timing, work).filter(|_| work.preshaded),
             looked_up: work.texels.iter(),
             loaded,
@@ -114,7 +114,7 @@ impl<'a> SetUp<'a> {
         }
     }
 
-    /// Up to which burst a splat lies, and when it can be fetched.
+    /// The last burst of a splat, and the cycle from which it can be fetched.
     #[inline(always)]
     fn ready(&self, index: u64) -> (u64, Ready) {
         if self.walk.is_some() {
@@ -143,13 +143,13 @@ impl<'a> SetUp<'a> {
         )
     }
 
-    /// When a splat, the next one, will be fetched.
+    /// The cycle in which the next splat will be fetched.
     pub fn when(&self, index: u64) -> u64 {
         let (_, Ready { room, memory, .. }) = self.ready(index);
         self.fetch.free().max(room).max(memory)
     }
 
-    /// A splat goes through; says when it is done, if it goes on.
+    /// Replays a splat; returns the cycle in which it is done, if it is not culled.
     #[inline(always)]
     pub fn splat(&mut self, index: u64, fate: Fate, memory: &mut Memory) -> Option<u64> {
         let t = self.timing;
@@ -164,7 +164,7 @@ impl<'a> SetUp<'a> {
         while self.bursts < needed {
             let here = memory.request(
                 now,
-                Client::Splats,
+                Requester::Splats,
                 Direction::Read,
                 self.bursts * burst,
                 burst,
@@ -243,14 +243,15 @@ impl<'a> SetUp<'a> {
         Some(here)
     }
 
-    /// All splats are through: reads what is left of a tree.
+    /// Reads the rest of a tree, after the last splat.
     pub fn end(&mut self, memory: &mut Memory) {
         if let Some(walk) = &mut self.walk {
             walk.end(&mut self.fetch, &mut self.outstanding, memory);
         }
     }
 
-    /// The name of its shade unit: the only one, or, of windows, beside that of fragments.
+    /// The name of its shade unit: the only one, or with windows a second one besides that of
+    /// fragments.
     fn shade_name(timing: &Microarchitecture) -> &'static str {
         if timing.lights_setup {
             super::SETUP_SHADE
@@ -259,7 +260,7 @@ impl<'a> SetUp<'a> {
         }
     }
 
-    /// Its units, and those which shade fragments where it has none of its own.
+    /// Its units, and the shade units of fragments, which are its own if fragments have none.
     pub fn units(self, of_fragments: Vec<Unit>) -> (Vec<Unit>, Vec<Unit>) {
         let mut units = vec![self.fetch, self.project, self.ellipse];
         units.extend(self.colour);
@@ -267,7 +268,7 @@ impl<'a> SetUp<'a> {
             units.extend(self.shade);
             return (units, of_fragments);
         }
-        // Of sheets nothing is shaded any more.
+        // Sheets are not shaded later.
         (units, self.shade.map_or(of_fragments, |shade| vec![shade]))
     }
 
@@ -278,7 +279,7 @@ impl<'a> SetUp<'a> {
         shaded.or(coloured).unwrap_or(unit::ELLIPSE)
     }
 
-    /// Its last unit, and the cycles from a splat to its result there.
+    /// Its last unit, and the latency of that unit.
     fn last(&mut self) -> (&mut Unit, u32) {
         match (&mut self.shade, &mut self.colour) {
             (Some(shade), _) => (shade, self.timing.shade.latency),
@@ -287,17 +288,17 @@ impl<'a> SetUp<'a> {
         }
     }
 
-    /// Whether it is known when another splat has room behind the last unit.
-    pub fn is_known(&self) -> bool {
+    /// Whether the cycle in which the last unit has room for another splat is known.
+    pub fn is_scheduled(&self) -> bool {
         self.shade
             .as_ref()
             .or(self.colour.as_ref())
             .unwrap_or(&self.ellipse)
             .behind
-            .is_known()
+            .is_scheduled()
     }
 
-    /// The next splat, which was here then, goes to the unit behind in this cycle.
+    /// The next unit takes the next splat, which arrived at `here`, in this cycle.
     #[inline(always)]
     pub fn give(&mut self, here: u64, now: u64) {
         let (last, latency) = self.last();
@@ -306,19 +307,19 @@ impl<'a> SetUp<'a> {
     }
 }
 
-/// Raster and gauss: one footprint, stamp by stamp.
+/// Raster and gauss. An item is a footprint, replayed stamp by stamp.
 pub struct Fill<'a> {
     timing: &'a Microarchitecture,
     pub raster: Unit,
     pub gauss: Unit,
-    /// Stamps, and those among them that kept a pixel.
+    /// Stamps, and those with a kept pixel.
     pub stamps: [u64; 2],
-    /// What pixels that have stopped leave of a stamp.
+    /// The pixels of a stamp without those that have stopped.
     kept: Vec<Piece>,
 }
 
 impl<'a> Fill<'a> {
-    /// The nth of several alike.
+    /// For engine `nth`.
     pub fn new(
         timing: &'a Microarchitecture,
         before: &'static str,
@@ -346,9 +347,10 @@ impl<'a> Fill<'a> {
         }
     }
 
-    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from
-    /// memory; `next` takes each stamp that has a weight, with the first cycle in which gauss has
-    /// it, and says when. Says when the raster takes it, and whether it has such a stamp.
+    /// Replays the part of the next footprint in an area of the picture, given by corner and side;
+    /// it arrives at `here`, its record at `memory`. `next` takes each stamp with a weight, with
+    /// the first cycle in which gauss can take it, and returns the cycle. Returns the cycle in
+    /// which raster takes the footprint, and whether it has such a stamp.
     #[inline(always)]
     pub fn footprint(
         &mut self,
@@ -364,7 +366,7 @@ impl<'a> Fill<'a> {
             ..Ready::default()
         };
         let stamps = walk.footprint(footprint, corner, side);
-        let mut so_far = SoFar {
+        let mut so_far = FootprintProgress {
             first_taken: u64::MAX,
             gone_through: 0,
             is_seen: false,
@@ -385,7 +387,7 @@ impl<'a> Fill<'a> {
             }
         }
         self.stamps[0] += u64::from(stamps);
-        let SoFar {
+        let FootprintProgress {
             mut first_taken,
             gone_through,
             is_seen,
@@ -396,14 +398,14 @@ impl<'a> Fill<'a> {
         (first_taken, is_seen)
     }
 
-    /// The next stamp of a footprint that keeps a pixel, behind those that keep none.
+    /// The next stamp with a kept pixel, after those without one.
     #[inline(always)]
     fn stamp(
         &mut self,
         walk: &Stamps,
         stamp: &[Piece],
         ready: Ready,
-        so_far: &mut SoFar,
+        so_far: &mut FootprintProgress,
         next: &mut impl FnMut(Stamp, u64) -> u64,
     ) {
         let t = self.timing;
@@ -445,11 +447,11 @@ impl<'a> Fill<'a> {
         }
     }
 
-    /// Stamps that keep nothing: each has a place as long as it takes to know that. Says when the
-    /// first is taken.
+    /// Stamps without a kept pixel: each has a place until raster has tested it. Returns the cycle
+    /// of the first one.
     #[inline(always)]
     fn empty_stamps(&mut self, ready: Ready, stamps: u64) -> u64 {
-        // One that is infinitely fast knows at once.
+        // An infinitely fast unit tests them at once.
         if self.raster.is_lifted() {
             return self.raster.take_run(ready, stamps);
         }
@@ -467,7 +469,7 @@ impl<'a> Fill<'a> {
         self.blocked_stamps(ready, stamps)
     }
 
-    /// The same where there is not always room.
+    /// [`Self::empty_stamps`] without room in every cycle.
     #[inline(never)]
     fn blocked_stamps(&mut self, ready: Ready, stamps: u64) -> u64 {
         let latency = u64::from(self.timing.raster.latency);
@@ -481,16 +483,16 @@ impl<'a> Fill<'a> {
         first_taken
     }
 
-    /// The same where pixels stop, and with the cycle in which each stamp is written. Stamps of
-    /// which every pixel has stopped are passed over; a footprint of which none is left is dropped
-    /// in a cycle: before its record has come, if the whole tile has stopped.
+    /// [`Self::footprint`] for frames in which pixels stop; also returns the cycle in which each
+    /// stamp is written. Stamps with only stopped pixels are skipped. A footprint with only such
+    /// stamps is dropped in one cycle, before its record arrives if the whole tile has stopped.
     pub fn footprint_of_stops(
         &mut self,
         walk: &mut Stamps,
         footprint: &Footprint,
         (corner, side): ([u16; 2], u32),
         (here, memory): (u64, u64),
-        stops: &mut Stops,
+        stops: &mut StopMap,
         mut next: impl FnMut(&[Piece], u64) -> [u64; 2],
     ) -> u64 {
         let t = self.timing;
@@ -525,26 +527,26 @@ impl<'a> Fill<'a> {
             } else {
                 self.raster.behind.free_from(now)
             };
-            // The stamp is looked at until it has room, or all of it has stopped.
-            let looked = if stopped <= room {
+            // The stamp is tested until it has room, or until all of its pixels have stopped.
+            let tested = if stopped <= room {
                 now.max(stopped)
             } else {
                 room
             };
-            let waited = Ready {
-                room: looked,
+            let tested_ready = Ready {
+                room: tested,
                 ..ready
             };
-            if stopped <= looked {
-                self.raster.wait(waited);
+            if stopped <= tested {
+                self.raster.stall(tested_ready);
                 if has_weight {
-                    stops.leave_out(looked);
+                    stops.leave_out(tested);
                 }
                 continue;
             }
             self.stamps[0] += 1;
-            if whole <= looked {
-                let now = self.raster.take(waited, 1);
+            if whole <= tested {
+                let now = self.raster.take(tested_ready, 1);
                 first_taken = first_taken.min(now);
                 if !self.raster.is_lifted() {
                     self.raster
@@ -552,12 +554,12 @@ impl<'a> Fill<'a> {
                         .vanish(now + u64::from(t.raster.latency), 1);
                 }
                 if has_weight {
-                    stops.leave_out(looked);
+                    stops.leave_out(tested);
                 }
                 continue;
             }
             self.stamps[1] += 1;
-            let now = self.raster.take(waited, 1);
+            let now = self.raster.take(tested_ready, 1);
             first_taken = first_taken.min(now);
             self.raster.behind.take(now);
             stops.kept(stamp, now, &mut self.kept);
@@ -591,24 +593,24 @@ impl<'a> Fill<'a> {
     }
 }
 
-/// What is known of a footprint on its way through.
-struct SoFar {
-    /// When the raster took its first stamp.
+/// State of a footprint in raster.
+struct FootprintProgress {
+    /// The cycle in which raster took its first stamp.
     first_taken: u64,
-    /// Stamps that it has gone through.
+    /// Stamps that were tested.
     gone_through: u32,
     /// Whether a stamp had a weight.
     is_seen: bool,
 }
 
-/// A stamp that has a weight: its pieces, and what fragments of the footprint look up.
+/// A stamp with a weight: its pieces, and the texels of the footprint's fragments.
 #[derive(Clone, Copy, Debug)]
 pub struct Stamp<'a> {
     pub pieces: &'a [Piece],
     pub texels: &'a [u16],
 }
 
-/// Fragments: stamps come, merges take longer, and no pixel is taken twice at a time.
+/// Fragments: takes stamps, takes longer for merges, and stalls for pixels in flight.
 ///
 /// ```text
 /// stamp ─► its pixels, unit by unit ─┬─► taken, and written a latency later
@@ -616,42 +618,42 @@ pub struct Stamp<'a> {
 /// ```
 pub struct Merge<'a> {
     timing: &'a Microarchitecture,
-    units: Vec<OfPixels>,
-    /// Whose fragments are shaded first, of one stamp: in the order of their numbers' bits from the
-    /// last to the first, so that twice as many units have the same order.
+    units: Vec<FragmentUnit>,
+    /// Order of units in which the fragments of a stamp are shaded: by bit-reversed index, so that
+    /// a doubled number of units keeps the order.
     order: Vec<usize>,
     pub shade: Unit,
     hazards: Hazards,
-    /// What mirrors, of shade.
+    /// Shade's cache of texels.
     pub texels: Option<Texels>,
-    /// When all that was taken is written.
+    /// Cycle in which all taken stamps are written.
     pub written: u64,
-    /// Cycles for which merges waited for light that does not mirror.
+    /// Cycles for which merges stalled for light without reflections.
     pub light: u64,
-    /// From when on the next stamp is the first that waits.
+    /// Cycle from which the next stamp is the first in the FIFO.
     first_from: u64,
-    /// What is the units' of a stamp.
-    parts: Vec<Part>,
+    /// The units' shares of the current stamp.
+    parts: Vec<UnitShare>,
 }
 
-/// A fragment unit: it has pixels of its own.
-struct OfPixels {
+/// A fragment unit with its share of the pixels.
+struct FragmentUnit {
     unit: Unit,
-    /// When those stamps' merges end that were begun last, as many as can be in flight.
+    /// Ends of the last merges, as many as can be in flight.
     in_flight: VecDeque<u64>,
-    /// When the last merge ends.
+    /// The end of the last merge.
     merged: u64,
 }
 
-/// A unit's part of a stamp: merges, and fragments that are shaded for them.
-struct Part {
+/// A unit's share of a stamp: merges, and fragments that are shaded for them.
+struct UnitShare {
     unit: usize,
     merges: u64,
     shades: u64,
 }
 
 impl<'a> Merge<'a> {
-    /// The nth of several alike.
+    /// For engine `nth`.
     pub fn new(
         timing: &'a Microarchitecture,
         work: &Work,
@@ -669,7 +671,7 @@ impl<'a> Merge<'a> {
                 detail,
                 timing.lifted,
             );
-            OfPixels {
+            FragmentUnit {
                 unit: unit.behind_others(nth * pace.units + of),
                 in_flight: VecDeque::new(),
                 merged: 0,
@@ -698,7 +700,7 @@ impl<'a> Merge<'a> {
         }
     }
 
-    /// Takes a stamp; says when, and when it is written.
+    /// Takes a stamp; returns the cycle, and the cycle in which it is written.
     #[inline(always)]
     pub fn stamp(&mut self, stamp: Stamp, ready: Ready, memory: &mut Memory) -> [u64; 2] {
         let is_one = self.units.len() == 1;
@@ -711,7 +713,7 @@ impl<'a> Merge<'a> {
         [now, written]
     }
 
-    /// All pixels are one unit's.
+    /// One unit has all pixels.
     #[inline(always)]
     fn stamp_of_one(
         &mut self,
@@ -728,11 +730,11 @@ impl<'a> Merge<'a> {
         let ready = Ready { hazard, ..ready };
         let now = self.units[0].unit.when(ready);
         let [merges, shades] = match stamp {
-            // Mostly.
+            // Common case.
             [piece] => piece.merges(u16::MAX),
             _ => merges_of(stamp, |_| u16::MAX),
         };
-        let part = Part {
+        let part = UnitShare {
             unit: 0,
             merges,
             shades,
@@ -753,12 +755,12 @@ impl<'a> Merge<'a> {
         [now, written]
     }
 
-    /// Pixels are shared: all units that have one take the stamp at once, and each goes on by
-    /// itself.
+    /// Several units share the pixels. All units with a pixel take the stamp in the same cycle, and
+    /// continue independently.
     #[inline(never)]
     fn stamp_of_several(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
         let t = self.timing;
-        // One leaves the FIFO in a cycle.
+        // One stamp leaves the FIFO per cycle.
         let here = ready.here.max(self.first_from);
         let mut parts = std::mem::take(&mut self.parts);
         parts.clear();
@@ -769,14 +771,14 @@ impl<'a> Merge<'a> {
                 .filter(|unit| has_part(t, stamp, *unit))
                 .map(|unit| {
                     let [merges, shades] = merges_of(stamp, |piece| of_unit(t, unit, piece));
-                    Part {
+                    UnitShare {
                         unit,
                         merges,
                         shades,
                     }
                 }),
         );
-        // Who is free waits for the others.
+        // Free units stall for the others.
         let free = parts
             .iter()
             .map(|part| self.units[part.unit].unit.free())
@@ -792,7 +794,7 @@ impl<'a> Merge<'a> {
         self.first_from = now + 1;
         let mut written = 0;
         let under_way = u64::from(t.hazard);
-        for Part {
+        for UnitShare {
             unit,
             merges,
             shades,
@@ -800,7 +802,7 @@ impl<'a> Merge<'a> {
         {
             let of_unit = |piece: &Piece| of_unit(t, unit, piece);
             let part_written = self.take(
-                Part {
+                UnitShare {
                     unit,
                     merges,
                     shades,
@@ -818,28 +820,28 @@ impl<'a> Merge<'a> {
             }
         }
         self.parts = parts;
-        // What is merged is under way for longer, which is said above.
+        // Merged pixels are in flight for longer; that is recorded above.
         self.hazards.take(stamp, now + under_way);
         [now, written]
     }
 
-    /// A unit takes its part of a stamp in this cycle, which is when it can; says when that is
-    /// written.
+    /// A unit takes its share of a stamp in this cycle, which must be possible; returns the cycle
+    /// in which it is written.
     #[inline(always)]
-    fn take(&mut self, part: Part, ready: Ready, now: u64) -> u64 {
+    fn take(&mut self, part: UnitShare, ready: Ready, now: u64) -> u64 {
         let t = self.timing;
         if part.merges == 0 {
             self.units[part.unit].unit.take(ready, 1);
             return now + u64::from(t.fragment.latency);
         }
-        let asked = now + 1;
-        let lit = light(&mut self.shade, t, asked, part.shades);
-        self.light += lit - asked;
+        let requested = now + 1;
+        let lit = light(&mut self.shade, t, requested, part.shades);
+        self.light += lit - requested;
         self.merge(part, ready, now, lit)
     }
 
-    /// Shades with texels from memory what a stamp's merges ask for, from the next cycle on; says
-    /// when the last light comes.
+    /// Shades the fragments of a stamp's merges, with texels from memory, from the next cycle on;
+    /// returns the cycle of the last light.
     fn mirrored(&mut self, stamp: &[Piece], texels: &[u16], now: u64, memory: &mut Memory) -> u64 {
         let shade = self.timing.shade;
         let mut last = now + 1;
@@ -868,14 +870,20 @@ impl<'a> Merge<'a> {
         }
     }
 
-    /// A unit merges its part of a stamp, which it takes now, when light has come; says when that
-    /// is written.
+    /// A unit merges its share of a stamp, which it takes now, when light has arrived; returns the
+    /// cycle in which it is written.
     #[inline(always)]
-    fn merge(&mut self, Part { unit, merges, .. }: Part, ready: Ready, now: u64, lit: u64) -> u64 {
+    fn merge(
+        &mut self,
+        UnitShare { unit, merges, .. }: UnitShare,
+        ready: Ready,
+        now: u64,
+        lit: u64,
+    ) -> u64 {
         let t = self.timing;
         let latency = u64::from(t.fragment.latency);
         let of = &mut self.units[unit];
-        // Infinitely fast, it still forwards nothing: what is under way stays so.
+        // An infinitely fast unit does not forward: its pixels remain in flight.
         if of.unit.is_lifted() {
             of.unit.take(ready, 1);
             return now + latency;
@@ -886,7 +894,8 @@ impl<'a> Merge<'a> {
             of.in_flight.pop_front();
         }
         of.in_flight.push_back(of.merged);
-        // When there are as many as can be, it takes nothing until the first of them ends.
+        // At the greatest number of merges in flight, it takes nothing until the first of them
+        // ends.
         let first = of
             .in_flight
             .front()
@@ -902,7 +911,7 @@ impl<'a> Merge<'a> {
         &mut self.units[0].unit
     }
 
-    /// When a fragment unit is free for the next stamp.
+    /// The cycle in which a fragment unit is free for the next stamp.
     pub fn free(&self) -> u64 {
         self.units
             .iter()
@@ -922,26 +931,27 @@ impl<'a> Merge<'a> {
     }
 }
 
-/// Shades so many fragments that are asked for in this cycle; says when the last light comes.
-pub fn light(shade: &mut Unit, timing: &Microarchitecture, asked: u64, fragments: u64) -> u64 {
-    let mut last = asked;
+/// Shades `fragments` fragments that are requested in this cycle; returns the cycle of the last
+/// light.
+pub fn light(shade: &mut Unit, timing: &Microarchitecture, requested: u64, fragments: u64) -> u64 {
+    let mut last = requested;
     for _ in 0..fragments {
         last = shade.take(
             Ready {
-                here: asked,
+                here: requested,
                 ..Ready::default()
             },
             timing.shade.interval.into(),
         );
     }
     if fragments == 0 || shade.is_lifted() {
-        asked
+        requested
     } else {
         last + u64::from(timing.shade.latency)
     }
 }
 
-/// Merges of a stamp in those pixels of each piece, and fragments shaded for them.
+/// Merges of a stamp in the given pixels of each piece, and fragments shaded for them.
 #[inline(always)]
 pub fn merges_of(stamp: &[Piece], of: impl Fn(&Piece) -> u16) -> [u64; 2] {
     stamp.iter().fold([0; 2], |[merges, shades], piece| {
@@ -950,8 +960,8 @@ pub fn merges_of(stamp: &[Piece], of: impl Fn(&Piece) -> u16) -> [u64; 2] {
     })
 }
 
-/// Pixels of a piece's strip that are those of a fragment unit: column plus row times the columns
-/// of a stamp says which, modulo units, which divide a strip.
+/// Pixels of a piece's strip that belong to a fragment unit: (column + row · columns of a stamp)
+/// mod units, where units divide a strip.
 fn of_unit(timing: &Microarchitecture, unit: usize, piece: &Piece) -> u16 {
     let units = timing.fragment.units as usize;
     let first = usize::from(piece.corner[0])
@@ -969,38 +979,38 @@ fn has_part(timing: &Microarchitecture, stamp: &[Piece], unit: usize) -> bool {
         .any(|piece| (piece.pixels | piece.merged) & of_unit(timing, unit, piece) != 0)
 }
 
-/// Resolve: pixels that lie together, a line or a tile. It takes a pixel's fragments one a cycle,
-/// whether merged, and so lit, or left to shade. Several share the pixels: the next one goes to the
-/// first that is free. They begin together.
+/// Resolve: the pixels of a line or a tile. It takes one fragment per cycle, merged (and so shaded)
+/// or not. Several units share the pixels: the next pixel goes to the first free unit. All begin at
+/// the same time.
 pub struct Resolve<'a> {
     timing: &'a Microarchitecture,
     units: Vec<Unit>,
-    held: Rc<Held>,
-    /// For how long each unit is held by what it takes.
+    held: Rc<FinalPixels>,
+    /// Cycles for which each unit is occupied by its pixels.
     cycles: Vec<u64>,
-    /// Cycles for which the only unit waited for light, of pixels that do not mirror: those for
-    /// which it was held longer than by what it takes itself, and until the last light came.
+    /// Cycles for which the only unit stalled for light, of pixels without reflections: occupied
+    /// beyond its own cycles, until the last light arrived.
     pub light: u64,
 }
 
-/// What each pixel holds in the end: fragments, and how many of them are left to shade.
-pub struct Held {
+/// Final contents of each pixel: fragments, and the number of them that are not shaded yet.
+pub struct FinalPixels {
     pixels: Vec<[u8; 2]>,
     width: u32,
-    /// Of a frame that mirrors, what fragments look up that are left to shade, pixel by pixel, and
-    /// where those of each pixel begin.
+    /// For a frame with reflections, the texels of fragments that are shaded in resolve, pixel by
+    /// pixel, and the index of each pixel's first one.
     texels: Vec<u16>,
     first_texels: Vec<u32>,
 }
 
-impl Held {
+impl FinalPixels {
     pub fn new(work: &Work) -> Rc<Self> {
         let (texels, first_texels) = if work.mirrors {
             work.texels_of_pixels()
         } else {
             (Vec::new(), Vec::new())
         };
-        Rc::new(Held {
+        Rc::new(FinalPixels {
             pixels: work.held(),
             width: work.width,
             texels,
@@ -1008,13 +1018,13 @@ impl Held {
         })
     }
 
-    /// Of these columns and rows of the picture.
+    /// Pixels in these columns and rows of the picture.
     fn of(&self, columns: Range<u32>, rows: Range<u32>) -> impl Iterator<Item = &[u8; 2]> {
         let at = |row: u32, column: u32| (row * self.width + column) as usize;
         rows.flat_map(move |row| &self.pixels[at(row, columns.start)..at(row, columns.end)])
     }
 
-    /// What fragments there look up that are left to shade.
+    /// Texels of their fragments that are shaded in resolve.
     fn texels_of(&self, columns: Range<u32>, rows: Range<u32>) -> impl Iterator<Item = &u16> {
         let at = |row: u32, column: u32| (row * self.width + column) as usize;
         let pixels = rows.flat_map(move |row| at(row, columns.start)..at(row, columns.end));
@@ -1025,8 +1035,13 @@ impl Held {
 }
 
 impl<'a> Resolve<'a> {
-    /// The nth of several alike.
-    pub fn new(timing: &'a Microarchitecture, held: Rc<Held>, detail: Detail, nth: u32) -> Self {
+    /// For engine `nth`.
+    pub fn new(
+        timing: &'a Microarchitecture,
+        held: Rc<FinalPixels>,
+        detail: Detail,
+        nth: u32,
+    ) -> Self {
         let pace = timing.resolve;
         let blocked_by = (pace.units > 1).then_some(unit::RESOLVE);
         let unit = |of: u32| {
@@ -1048,8 +1063,7 @@ impl<'a> Resolve<'a> {
         }
     }
 
-    /// Takes these columns and rows of the picture, shading in units; says when the last of their
-    /// words is there.
+    /// Resolves these columns and rows of the picture; returns the cycle of the last word.
     pub fn pixels(
         &mut self,
         columns: Range<u32>,
@@ -1078,8 +1092,8 @@ impl<'a> Resolve<'a> {
             }
             shades += left;
         }
-        // Light comes no faster than all shade units together give it; who gets no pixel looks,
-        // too.
+        // Light arrives at most at the rate of all shade units together. Units without a pixel also
+        // check this.
         let light = (shades.div_ceil(shaders) * interval).max(1);
         cycles
             .iter_mut()
@@ -1094,10 +1108,10 @@ impl<'a> Resolve<'a> {
             ..ready
         };
         if let Some(cache) = texels {
-            // There is but one unit then.
+            // There is only one unit in this case.
             let here = ready.here.max(free).max(ready.memory).max(ready.room);
             for texel in self.held.texels_of(columns, rows) {
-                let [_, waited] = cache.shade(
+                let [_, stalled] = cache.shade(
                     shade,
                     Ready {
                         here,
@@ -1107,7 +1121,7 @@ impl<'a> Resolve<'a> {
                     *texel,
                     memory,
                 );
-                cycles[0] += waited;
+                cycles[0] += stalled;
             }
         }
         let mut now = 0;
@@ -1142,7 +1156,7 @@ impl<'a> Resolve<'a> {
         }
     }
 
-    /// When one of its units is free.
+    /// The cycle in which one of its units is free.
     pub fn free(&self) -> u64 {
         self.units.iter().map(Unit::free).min().unwrap_or(0)
     }

@@ -1,41 +1,41 @@
-//! Stamps: a footprint, cut into what the rasteriser's lanes test in a cycle.
+//! Stamps: a footprint, cut into the pixels that the rasteriser's lanes test per cycle.
 //!
 //! ```text
-//!  box ┌──┬──┬──┐    lanes 4×1: three stamps a row
-//!      │··│##│#·│    a stamp that keeps no pixel takes its cycle, and nothing comes of it
+//!  box ┌──┬──┬──┐    lanes 4×1: three stamps per row
+//!      │··│##│#·│    a stamp without a kept pixel takes its cycle, and goes no further
 //!      └──┴──┴──┘
 //! ```
-//! Stamps lie side by side from the first pixel of the box, or of its part in a tile, row by row.
-//! What a stamp keeps lies in strips: 16 pixels of a row, as wide as a recorded tile.
+//! Stamps are adjacent, from the first pixel of the box, or of its part in a tile, row by row. The
+//! kept pixels of a stamp are in strips: 16 pixels of a row, as wide as a recorded tile.
 //!
 //! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`.
 
 use crate::work::{Event, Footprint, Reader, TILE_PX, Work};
 use std::ops::Range;
 
-/// Pixels that a stamp keeps in a strip.
+/// Kept pixels of a stamp in a strip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Piece {
-    /// Which stamp of the footprint.
+    /// Index of the stamp in the footprint.
     pub stamp: u32,
-    /// The strip's place in the picture, row by row.
+    /// Index of the strip in the picture, row by row.
     pub strip: u32,
     /// Its first pixel: column and row.
     pub corner: [u16; 2],
-    /// Its pixels that have a weight, the first in the last place.
+    /// Its pixels with a weight, the first in the LSB.
     pub pixels: u16,
-    /// Those that were kept and have none.
+    /// Its kept pixels without a weight.
     pub faint: u16,
     /// Pixels in which two fragments merge.
     pub merged: u16,
-    /// Those in which one of them is shaded for that, and those in which both are.
+    /// Those in which one of the fragments is shaded first, and those in which both are.
     pub shaded: [u16; 2],
-    /// Of a frame that mirrors: where what these look up begins among [`Stamps::texels`].
+    /// In a frame with reflections, the index of its first texel in [`Stamps::texels`].
     pub texels: u32,
 }
 
 impl Piece {
-    /// Merges of these pixels, and fragments that are shaded for them.
+    /// Merges in these pixels, and fragments that are shaded for them.
     #[inline(always)]
     pub fn merges(&self, of: u16) -> [u64; 2] {
         if self.merged & of == 0 {
@@ -48,47 +48,46 @@ impl Piece {
     }
 }
 
-/// What a splat did in a recorded tile: columns of each row, the first in the last place, and
-/// behind its rows those of the next splats.
+/// A splat in a recorded tile: kept columns of each row, the first in the LSB; its rows are
+/// followed by those of the next splats.
 #[derive(Clone, Copy, Debug)]
-struct Part<'a> {
+struct TileSplat<'a> {
     kept: &'a [u16],
-    /// Whether more happened to it.
+    /// Whether it has events.
     has_events: bool,
 }
 
-/// What became of columns that were kept.
+/// Decisions on kept columns.
 #[derive(Clone, Debug, Default)]
-struct Happened {
+struct TileEvents {
     faint: [u16; TILE_PX],
     merged: [u16; TILE_PX],
     /// Merges for which one fragment was shaded, and those for which two were.
     shaded: [[u16; TILE_PX]; 2],
-    /// Of a frame that mirrors, for each merge for which something was shaded: where, and what that
-    /// looked up.
+    /// In a frame with reflections, for each merge with shaded fragments: the pixel and its texels.
     looked_up: Vec<(u8, [u16; 2])>,
 }
 
-/// Goes through footprints: all recorded tiles, and where each is.
+/// Cuts footprints into stamps: all recorded tiles, and their positions.
 pub struct Stamps<'a> {
     /// Columns and rows of a stamp.
     lanes: [u32; 2],
     width: Width,
-    /// Recorded tiles of a row of the picture.
+    /// Recorded tiles per row of the picture.
     columns: usize,
-    /// By place in the picture: the recorded tile, if it has one.
+    /// By position in the picture, the index of the recorded tile, if any.
     tiles: Vec<u32>,
     readers: Vec<Reader<'a>>,
-    /// The recorded tiles side by side that a box lies in.
-    parts: Vec<Part<'a>>,
-    /// Of each of them in which more happened than that contributions were added, what else.
-    happened: Vec<Happened>,
-    /// What a footprint's stamps keep, stamp by stamp, in each row by row.
+    /// The adjacent recorded tiles that the box touches.
+    parts: Vec<TileSplat<'a>>,
+    /// Per recorded tile with events, these events.
+    tile_events: Vec<TileEvents>,
+    /// Pieces of the footprint, stamp by stamp, each row by row.
     pieces: Vec<Piece>,
-    /// Whether each of its stamps has but one: it lies in one recorded tile, and stamps end where
-    /// strips do.
+    /// Whether each of its stamps has only one piece: it is in one recorded tile, and stamps end
+    /// where strips do.
     is_single: bool,
-    /// What fragments look up that are shaded for its merges, piece by piece.
+    /// Texels of fragments that are shaded for its merges, piece by piece.
     texels: Vec<u16>,
     /// First and last column and row of the footprint's part.
     sides: [[u16; 2]; 2],
@@ -110,7 +109,7 @@ impl<'a> Stamps<'a> {
             tiles,
             readers: work.tiles.iter().map(|tile| tile.reader()).collect(),
             parts: Vec::new(),
-            happened: Vec::new(),
+            tile_events: Vec::new(),
             pieces: Vec::new(),
             is_single: false,
             texels: Vec::new(),
@@ -118,8 +117,8 @@ impl<'a> Stamps<'a> {
         }
     }
 
-    /// Goes through the part of the next footprint that lies in these pixels of the picture, which
-    /// are whole recorded tiles. Says how many stamps there are.
+    /// Cuts the part of the next footprint in these pixels of the picture, which are whole recorded
+    /// tiles. Returns the number of stamps.
     #[inline(always)]
     pub fn footprint(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32) -> u32 {
         let within = |[first, last]: [u16; 2], corner: u16| {
@@ -163,24 +162,24 @@ impl<'a> Stamps<'a> {
         across * down.div_ceil(self.lanes[1])
     }
 
-    /// Pieces of each stamp of it that keeps a pixel.
+    /// Pieces of each stamp with a kept pixel.
     #[inline(always)]
     pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
         self.pieces.chunk_by(|one, next| one.stamp == next.stamp)
     }
 
-    /// The same where each has one piece, for sure.
+    /// [`Self::kept`] if each stamp surely has one piece.
     #[inline(always)]
     pub fn single(&self) -> Option<&[Piece]> {
         self.is_single.then_some(&*self.pieces)
     }
 
-    /// What fragments look up that are shaded for its merges.
+    /// Texels of fragments that are shaded for its merges.
     pub fn texels(&self) -> &[u16] {
         &self.texels
     }
 
-    /// Columns and rows of a stamp of it.
+    /// Columns and rows of one of its stamps.
     pub fn area(&self, stamp: u32) -> [Range<usize>; 2] {
         let across = u32::from(self.sides[0][1] - self.sides[0][0]) / self.lanes[0] + 1;
         let at = [stamp % across, stamp / across];
@@ -191,8 +190,8 @@ impl<'a> Stamps<'a> {
         })
     }
 
-    /// Collects the pieces of so many rows from this pixel on, of a footprint in one recorded tile
-    /// whose stamps end where strips do: four rows at a time, and only those that keep a pixel.
+    /// Collects the pieces of `rows` rows from this pixel on, for a footprint in one recorded tile
+    /// whose stamps end where strips do: four rows at a time, and only stamps with a kept pixel.
     #[inline(always)]
     fn collect_from_tile(
         &mut self,
@@ -201,7 +200,7 @@ impl<'a> Stamps<'a> {
         first: u16,
         [first_stamp, across]: [u32; 2],
     ) {
-        let Part {
+        let TileSplat {
             kept: mut all,
             has_events,
         } = self.parts[0];
@@ -224,7 +223,7 @@ impl<'a> Stamps<'a> {
                     ..Piece::default()
                 };
                 self.pieces.push(if has_events {
-                    self.happened[0].of_piece(row as usize, piece, &mut self.texels)
+                    self.tile_events[0].of_piece(row as usize, piece, &mut self.texels)
                 } else {
                     piece
                 });
@@ -234,13 +233,13 @@ impl<'a> Stamps<'a> {
         }
     }
 
-    /// The strip that a pixel lies in.
+    /// The strip of a pixel.
     #[inline(always)]
     fn strip(&self, x: u16, y: u16) -> u32 {
         u32::from(y) * self.columns as u32 + u32::from(x) / TILE_PX as u32
     }
 
-    /// Reads what a splat did in these recorded tiles, in so many rows.
+    /// Reads the events of a splat in these recorded tiles, in `rows` rows.
     #[inline(always)]
     fn read(&mut self, first: usize, columns: Range<usize>, rows: usize) {
         self.parts.clear();
@@ -248,26 +247,27 @@ impl<'a> Stamps<'a> {
             let index = self.tiles[first + column] as usize;
             let kept = self.readers[index].rows();
             let (_, events) = self.readers[index].splat(rows);
-            self.parts.push(Part {
+            self.parts.push(TileSplat {
                 kept,
                 has_events: !events.is_empty(),
             });
-            if nth == self.happened.len() {
-                self.happened.push(Happened::default());
+            if nth == self.tile_events.len() {
+                self.tile_events.push(TileEvents::default());
             }
             if !events.is_empty() {
-                self.happened[nth].read(events, rows, self.readers[index].texels(events));
+                self.tile_events[nth].read(events, rows, self.readers[index].texels(events));
             }
         }
     }
 
-    /// Collects the pieces of so many rows from this pixel on, of a box that begins in that one.
+    /// Collects the pieces of `rows` rows from this pixel on, for a box that begins in column
+    /// `left`.
     fn collect(&mut self, rows: usize, [left, first_y]: [u16; 2], first: [u16; 2], across: u32) {
         for row in 0..rows {
             let y = first_y + row as u16;
             let first_stamp = u32::from(y - first[1]) / self.lanes[1] * across;
             let mut left = left;
-            for (part, happened) in self.parts.iter().zip(&self.happened) {
+            for (part, tile_events) in self.parts.iter().zip(&self.tile_events) {
                 for (nth, pixels) in cut(part.kept[row], left, first[0], self.width) {
                     let strip = self.strip(left, y);
                     let piece = Piece {
@@ -278,7 +278,7 @@ impl<'a> Stamps<'a> {
                         ..Piece::default()
                     };
                     self.pieces.push(if part.has_events {
-                        happened.of_piece(row, piece, &mut self.texels)
+                        tile_events.of_piece(row, piece, &mut self.texels)
                     } else {
                         piece
                     });
@@ -289,16 +289,16 @@ impl<'a> Stamps<'a> {
     }
 }
 
-/// Pixels of a stamp's row, to divide by.
+/// Pixels of a stamp's row, as a divisor.
 #[derive(Clone, Copy, Debug)]
 struct Width {
     pixels: u32,
-    /// 2^32 over them, rounded up: exact for numbers below 2^26, far more than there are columns,
-    /// and up to 64 pixels.
+    /// 2^32 divided by the pixels, rounded up: exact for numbers below 2^26, far more than there
+    /// are columns, and up to 64 pixels.
     inverse: u64,
-    /// As many of a strip's pixels, the first.
+    /// Mask of as many pixels, the first of a strip.
     pixels_of_one: u16,
-    /// The first pixel of each stamp of four strips, side by side, where stamps divide strips.
+    /// Mask of the first pixel of each stamp in four strips, if stamps divide strips.
     first_of_each: u64,
 }
 
@@ -321,12 +321,12 @@ impl Width {
         (u64::from(column) * self.inverse / (1 << 32)) as u32
     }
 
-    /// Whether a stamp that begins with a strip ends with it, or another does.
+    /// Whether stamps that begin with a strip also end with one.
     fn divides_strips(self) -> bool {
         (TILE_PX as u32).is_multiple_of(self.pixels)
     }
 
-    /// Of four strips, the first in the last places: the first pixel of each stamp that keeps one.
+    /// For four strips, the first in the low bits: the first pixel of each stamp with a kept pixel.
     #[inline(always)]
     fn stamps(self, kept: u64) -> u64 {
         let (mut any, mut pixels) = (kept, 1);
@@ -338,8 +338,8 @@ impl Width {
     }
 }
 
-/// Pixels of a strip, which begins in this column, cut into stamps, the first of which begins in
-/// that one.
+/// Pixels of a strip that begins in column `left`, cut into stamps, the first of which begins in
+/// column `first`.
 #[inline(always)]
 fn cut(mut pixels: u16, left: u16, first: u16, width: Width) -> impl Iterator<Item = (u32, u16)> {
     let [left, first] = [left, first].map(u32::from);
@@ -354,8 +354,7 @@ fn cut(mut pixels: u16, left: u16, first: u16, width: Width) -> impl Iterator<It
     })
 }
 
-/// The first four of these rows, or as many as there are, side by side, the first in the last
-/// places.
+/// The first four of these rows, or fewer at the end, as one word, the first in the low bits.
 #[inline(always)]
 fn four(rows: &[u16]) -> u64 {
     if let [a, b, c, d, ..] = rows {
@@ -369,8 +368,8 @@ fn four(rows: &[u16]) -> u64 {
         .fold(0, |all, row| all * (1 << 16) + u64::from(*row))
 }
 
-impl Happened {
-    /// Reads what became of a splat that has so many rows.
+impl TileEvents {
+    /// Reads the decisions on a splat with `rows` rows.
     fn read(&mut self, events: &[(u8, Event)], rows: usize, mut texels: &[u16]) {
         self.looked_up.clear();
         let [one, two] = &mut self.shaded;
@@ -407,7 +406,7 @@ impl Happened {
         }
     }
 
-    /// What else happened to a piece in this row.
+    /// Adds the events of a piece in this row.
     #[inline(always)]
     fn of_piece(&self, row: usize, piece: Piece, texels: &mut Vec<u16>) -> Piece {
         let faint = piece.pixels & self.faint[row];
@@ -434,7 +433,7 @@ impl Happened {
         }
     }
 
-    /// Appends what was looked up for these columns' merges in a row.
+    /// Appends the texels of these columns' merges in a row.
     fn look_up(&self, row: usize, mut merged: u16, texels: &mut Vec<u16>) {
         let [one, two] = self.shaded.map(|rows| rows[row]);
         merged &= one | two;
@@ -453,13 +452,13 @@ impl Happened {
     }
 }
 
-/// The columns of a strip before this one.
+/// Mask of the columns of a strip before this one.
 #[inline(always)]
 pub fn below(column: u32) -> u16 {
     !(u32::MAX << column.min(TILE_PX as u32)) as u16
 }
 
-/// The part of an interval of pixels that lies in a recorded tile, counted from the tile's first.
+/// The part of a range of pixels in a recorded tile, counted from the tile's first pixel.
 #[inline(always)]
 fn clip([first, last]: [u16; 2], corner: u16) -> Range<usize> {
     let [from, to] = [usize::from(first), usize::from(last) + 1]

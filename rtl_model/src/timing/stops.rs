@@ -1,16 +1,16 @@
-//! Stops: which pixels of a tile take nothing more, and from when on.
+//! Stops: the pixels of a tile that have stopped, and the cycles from which they have.
 //!
 //! ```text
-//!            ┌── stop map: a bit a pixel of the tile ◄── a pixel lets too little through ── fragment
+//!            ┌── stop map: one bit per pixel of the tile ◄── transmittance below the limit ── fragment
 //!            ▼
-//! list ─► raster ─► gauss ─► fragment       every bit is set: list drops the rest of the tile, raster what has come of it
+//! list ─► raster ─► gauss ─► fragment       every bit is set: list drops the rest of the tile, raster drops what it has received
 //! ```
-//! A bit is set when the contribution that makes its pixel stop is written; from that cycle on
-//! raster leaves the pixel out, and passes over stamps in which all bits are set. What is under way
-//! by then goes on, and fragment drops it in its turn.
+//! A bit is set when the contribution that stops its pixel is written. From that cycle on, raster
+//! leaves the pixel out, and skips stamps with only set bits. Stamps in flight at that time
+//! continue, and fragment drops them.
 //!
-//! The bits lie beside the tile's buffer. An immediate machine has none: its fragments lie in
-//! memory, and what comes to a pixel that has stopped is looked up, and dropped, like any other.
+//! The bits are part of the tile's buffer. An immediate machine has none: its fragments are in
+//! memory, and contributions to a stopped pixel are looked up and dropped like any other.
 //!
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_stopped_pixel_takes_no_cycles`.
 
@@ -20,22 +20,21 @@ use std::ops::Range;
 
 /// Pixels, tile by tile.
 #[derive(Clone, Debug)]
-pub struct Stops {
+pub struct StopMap {
     /// Columns and rows of the picture.
     width: usize,
     height: usize,
-    /// Of each pixel the splat with which it stops.
+    /// For each pixel, the splat with which it stops.
     by: Vec<u32>,
-    /// From which cycle on it has stopped.
+    /// For each pixel, the cycle from which it has stopped.
     from: Vec<u64>,
-    /// The tile that is drawn.
-    pub tile: Tile,
-    /// What the frame saves so far.
+    /// The current tile.
+    pub tile: TileStops,
+    /// Savings of the frame so far.
     pub saved: EarlyTermination,
 }
 
-/// What a binned machine leaves out because pixels have stopped: of all that it would do without
-/// the stop map.
+/// Work that a binned machine skips because pixels have stopped, and all work without the stop map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EarlyTermination {
     /// Entries of tiles' lists that are not read.
@@ -48,18 +47,18 @@ pub struct EarlyTermination {
     pub contributions: u64,
 }
 
-/// What is known of a tile's pixels, all together.
+/// State of the pixels of a tile.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Tile {
-    /// Those that have not stopped, and when the others had.
+pub struct TileStops {
+    /// Number of pixels that have not stopped, and the cycle in which the others had.
     left: usize,
     last: u64,
-    /// When raster left a stamp out last.
+    /// The last cycle in which raster left a stamp out.
     left_out: u64,
 }
 
-impl Stops {
-    /// Of a frame in which pixels stop.
+impl StopMap {
+    /// For a frame in which pixels stop.
     pub fn new(work: &Work) -> Option<Self> {
         if !work.stops() {
             return None;
@@ -100,33 +99,33 @@ impl Stops {
                 }
             }
         }
-        // All of them, until one comes to fragment.
+        // All of them, until one reaches fragment.
         let saved = EarlyTermination {
             contributions_left_out: contributions,
             contributions,
             ..EarlyTermination::default()
         };
-        Some(Stops {
+        Some(StopMap {
             width,
             height,
             from: vec![u64::MAX; by.len()],
             by,
-            tile: Tile::default(),
+            tile: TileStops::default(),
             saved,
         })
     }
 
-    /// The next tile begins, of so many pixels a side.
+    /// Begins the next tile, with this side.
     pub fn begin(&mut self, corner: [u32; 2], side_px: u32) {
         let [columns, rows] = [(corner[0], self.width), (corner[1], self.height)]
             .map(|(at, size)| (size - at as usize).min(side_px as usize));
-        self.tile = Tile {
+        self.tile = TileStops {
             left: columns * rows,
-            ..Tile::default()
+            ..TileStops::default()
         };
     }
 
-    /// From which cycle on the whole tile has stopped, by what was taken so far.
+    /// The cycle from which the whole tile has stopped, by the stamps taken so far.
     pub fn all(&self) -> u64 {
         if self.tile.left == 0 {
             self.tile.last
@@ -135,18 +134,18 @@ impl Stops {
         }
     }
 
-    /// Raster left a stamp out, of which fragment would have had something.
+    /// Raster left out a stamp that fragment would have taken.
     pub fn leave_out(&mut self, now: u64) {
         self.tile.left_out = self.tile.left_out.max(now);
     }
 
-    /// From when on it is known that no stamp comes but those under way. A tile that has stopped
-    /// waits for nothing that is left out.
+    /// The cycle from which only stamps in flight can arrive. A tile that has stopped does not
+    /// stall for skipped stamps.
     pub fn known(&self) -> u64 {
         self.tile.left_out.min(self.all())
     }
 
-    /// Places of a piece's pixels in the picture, with the bit of each.
+    /// Indices of a piece's pixels in the picture, with the bit of each.
     fn pixels(&self, piece: &Piece, bits: u16) -> impl Iterator<Item = (usize, u16)> + use<> {
         let first = usize::from(piece.corner[1]) * self.width + usize::from(piece.corner[0]);
         (0..TILE_PX)
@@ -154,8 +153,7 @@ impl Stops {
             .filter(move |(_, bit)| bits & bit != 0)
     }
 
-    /// From which cycle on every pixel that a stamp keeps has stopped: from the first, if it keeps
-    /// none.
+    /// The cycle from which every kept pixel of a stamp has stopped: 0 if it has no kept pixel.
     pub fn whole(&self, stamp: &[Piece]) -> u64 {
         let of = |piece: &Piece| {
             self.pixels(piece, piece.pixels | piece.faint)
@@ -165,13 +163,13 @@ impl Stops {
         stamp.iter().filter_map(of).max().unwrap_or(0)
     }
 
-    /// From which cycle on every pixel of these columns and rows has stopped.
+    /// The cycle from which every pixel of these columns and rows has stopped.
     pub fn area(&self, [columns, rows]: [Range<usize>; 2]) -> u64 {
         let row = |y: usize| &self.from[y * self.width..][columns.clone()];
         rows.flat_map(row).copied().max().unwrap_or(0)
     }
 
-    /// Pixels that raster leaves of a stamp in this cycle.
+    /// The pixels of a stamp that raster keeps in this cycle.
     pub fn kept(&self, stamp: &[Piece], now: u64, kept: &mut Vec<Piece>) {
         kept.clear();
         kept.extend(stamp.iter().map(|piece| {
@@ -187,7 +185,7 @@ impl Stops {
         }));
     }
 
-    /// A tile with so many entries ends, of which so many were read.
+    /// Ends a tile with `entries` entries, of which `read` were read.
     pub fn end(&mut self, entries: usize, read: usize) {
         self.saved.entries += entries as u64;
         self.saved.entries_skipped += (entries - read) as u64;

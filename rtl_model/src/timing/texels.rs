@@ -1,18 +1,18 @@
-//! Texels: lines of the map of surroundings, which lies in memory, and who waits for them.
+//! Texels: lines of the map of surroundings, which is in memory, and stalls for them.
 //!
 //! ```text
-//! fragment ─►( shade is free )─►( four texels: the lines that they lie in )─┬─ all here ─► shade takes it
-//!                                                                          └─ else they are read, and shade waits for the last
+//! fragment ─►( shade is free )─►( four texels: their lines )─┬─ all hit ─► shade takes it
+//!                                                             └─ else they are read, and shade stalls for the last one
 //! ```
-//! A look-up is a cycle in which a line that is here costs nothing more. What stands before the
-//! address in shade's latency counts behind it: that moves every look-up by as many cycles, and
-//! changes no distance between two.
+//! A hit costs only the cycle of its look-up. The part of shade's latency before the address is
+//! counted after the look-up. This moves every look-up by the same number of cycles, and does not
+//! change the distances between them.
 //!
 //! Law: `a_frame_with_reflections_ticks_as_it_is_replayed`.
 
 use super::account::{Ready, Unit};
 use super::cache::{EMPTY, find};
-use super::memory::{Client, Direction, MAP, Memory};
+use super::memory::{Direction, MAP, Memory, Requester};
 use crate::elaboration::microarchitecture::{MapShape, Microarchitecture};
 use crate::machine::timing::Environment;
 use crate::work::{NO_TEXEL, Work};
@@ -22,16 +22,16 @@ use crate::work::{NO_TEXEL, Work};
 pub struct Texels {
     shape: MapShape,
     cache: Environment,
-    /// Which line each place has, set by set, and the look-up that used it last.
+    /// Tag of each place, set by set, and the look-up that used it last.
     lines: Box<[u32]>,
     used: Box<[u64]>,
     clock: u64,
-    /// Lines looked up, and those among them that were here.
+    /// Lines looked up, and the hits among them.
     pub lookups: [u64; 2],
 }
 
 impl Texels {
-    /// None where nothing is mirrored, or the chip has the whole map.
+    /// None if nothing is reflected, or if the whole map is on the chip.
     pub fn new(timing: &Microarchitecture, work: &Work) -> Option<Self> {
         let shape = timing.map.filter(|_| work.mirrors)?;
         let cache = shape.cache?;
@@ -49,8 +49,8 @@ impl Texels {
         })
     }
 
-    /// A fragment that shade could take in this cycle looks up what was recorded; says when all of
-    /// it is here.
+    /// Looks up the texel of a fragment that shade could take in this cycle; returns the arrival of
+    /// its lines.
     fn look_up(&mut self, now: u64, texel: u16, memory: &mut Memory) -> u64 {
         if texel == NO_TEXEL {
             return now;
@@ -64,15 +64,15 @@ impl Texels {
             [row + 1, column],
             [row + 1, column + 1],
         ];
-        let mut seen = [EMPTY; 4];
+        let mut looked_up = [EMPTY; 4];
         let mut here = now;
         for nth in 0..4 {
             let [row, column] = corners[nth];
             let line = row / down * columns + column / across;
-            if !seen[..nth].contains(&line) {
+            if !looked_up[..nth].contains(&line) {
                 here = here.max(self.line(now, line, memory));
             }
-            seen[nth] = line;
+            looked_up[nth] = line;
         }
         here
     }
@@ -94,15 +94,15 @@ impl Texels {
         let bytes = u64::from(self.shape.line_bytes());
         memory.request(
             now,
-            Client::Environment,
+            Requester::Environment,
             Direction::Read,
             MAP + u64::from(line) * bytes,
             bytes,
         )
     }
 
-    /// Shade takes a fragment that has come then, when its texels are here; says when, and for how
-    /// many cycles it waited for them.
+    /// Shade takes a fragment that arrived at `here`, when its texels have arrived; returns the
+    /// cycle, and the cycles of the stall for texels.
     pub fn shade(
         &mut self,
         shade: &mut Unit,
@@ -124,7 +124,7 @@ impl Texels {
     }
 }
 
-/// When the whole map is here, where the chip has it: nothing begins before.
+/// The cycle in which the whole map is loaded, if the chip holds it: nothing begins before.
 pub fn load(timing: &Microarchitecture, work: &Work, memory: &mut Memory) -> u64 {
     let loaded = timing
         .map
@@ -132,7 +132,7 @@ pub fn load(timing: &Microarchitecture, work: &Work, memory: &mut Memory) -> u64
     loaded.map_or(0, |shape| {
         memory.request(
             0,
-            Client::Environment,
+            Requester::Environment,
             Direction::Read,
             MAP,
             shape.bytes().into(),
@@ -140,7 +140,7 @@ pub fn load(timing: &Microarchitecture, work: &Work, memory: &mut Memory) -> u64
     })
 }
 
-/// Look-ups of several, and those among them that had their line.
+/// Look-ups of several caches, and the hits among them.
 pub fn lookups<const N: usize>(caches: [&Option<Texels>; N]) -> [u64; 2] {
     caches.into_iter().flatten().fold([0; 2], |all, cache| {
         [0, 1].map(|i| all[i] + cache.lookups[i])

@@ -1,29 +1,28 @@
-//! Tiles: the cycles of a binned machine's second pass, tile after tile.
+//! Tiles: the cycles of a binned machine's second pass, tile by tile.
 //!
 //! ```text
 //!          sorted        tile 0 is done    tile 1     …        the last
 //! frame      │── cycles of 0 ──│── of 1 ──│
-//! raster     │ 0 ──────│ 1 ───────│ 2 …                  each unit has shares of its own: until it is free of a tile, it is the tile's
+//! raster     │ 0 ──────│ 1 ───────│ 2 …                  each unit has its own shares: its cycles belong to a tile until it is free of that tile
 //! ```
-//! Units work on several tiles at a time, so a tile has two measures: by how much it puts off the
-//! end of the frame, and what each unit did for it. Both leave nothing out: shares of a unit lie
-//! end to end from the first cycle of the pass, and so do the tiles' own cycles, up to the last
-//! word that is resolved; what memory still writes then is no tile's. Each engine has units of its
-//! own, and so shares that lie end to end.
+//! Units process several tiles at a time, so a tile has two measures: the cycles that it adds to
+//! the frame, and the share of each unit. Both are complete: the shares of a unit follow each other
+//! without gaps from the first cycle of the pass, and so do the tiles' own cycles, up to the last
+//! resolved word. Later writes of memory belong to no tile. Each engine has its own units, and so
+//! its own shares.
 //!
 //! Law: `a_binned_frame_ticks_as_it_is_replayed`.
 
 use super::account::{Account, Unit};
 
-/// Tiles of a frame, in the order in which engines take them; those without an entry are not among
-/// them.
+/// Tiles of a frame, in the order in which engines take them, without those that have no entry.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tiles {
-    /// Pixels of a side.
+    /// Side of a tile, pixels.
     pub side_px: u32,
-    /// First cycle of the pass: lists are written and sorted.
+    /// First cycle of the pass, after lists are written and sorted.
     pub from: u64,
-    /// Units of an engine, in the order of the diagram; of several side by side, with a number.
+    /// Units of an engine, in the order of the diagram; parallel ones have an index.
     pub units: Vec<String>,
     /// Each tile.
     pub tiles: Vec<TileCycles>,
@@ -38,26 +37,26 @@ pub struct TileCycles {
     pub engine: u32,
     /// Splats in its list.
     pub entries: u32,
-    /// Cycle in which its last word is resolved.
+    /// Cycle of its last resolved word.
     pub done: u64,
-    /// Cycles from the end of all tiles before to its own; none where it is done before they are.
+    /// Cycles from the end of all previous tiles to its own; 0 if it ends before them.
     pub cycles: u64,
     /// Share of each unit.
     pub shares: Vec<Share>,
 }
 
-/// Cycles of a unit that are a tile's: from the end of its share of the tile before.
+/// Cycles of a unit for a tile: from the end of its share of the previous tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
-    /// Cycle in which the unit is free of the tile; that of the tile before, where it had nothing
-    /// to do.
+    /// Cycle in which the unit is free of the tile; that of the previous tile if it had nothing to
+    /// do.
     pub until: u64,
-    /// What it did until then.
+    /// Its account until then.
     pub account: Account,
 }
 
 impl Tiles {
-    /// Of a pass that begins in this cycle; all of them, each with its turn.
+    /// For a pass that begins in this cycle, with all tiles and their positions in the queue.
     pub fn new(
         side_px: u32,
         from: u64,
@@ -67,7 +66,7 @@ impl Tiles {
         turns.sort_unstable_by_key(|(turn, _)| *turn);
         let mut end = from;
         let mut in_turn = |(_, tile): (usize, TileCycles)| {
-            // A tile with nothing to shade, or on another engine, may overtake the one before.
+            // A tile without shading, or on another engine, can overtake the previous one.
             let cycles = tile.done.saturating_sub(end);
             end = end.max(tile.done);
             TileCycles { cycles, ..tile }
@@ -81,7 +80,8 @@ impl Tiles {
     }
 }
 
-/// What an engine's units did until its last tile: when each was free, and its cycles.
+/// State of an engine's units at the end of its last tile: the cycles in which they were free, and
+/// their accounts.
 #[derive(Clone, Debug)]
 pub struct Shares {
     from: u64,
@@ -89,7 +89,7 @@ pub struct Shares {
 }
 
 impl Shares {
-    /// Of a pass that begins in this cycle.
+    /// For a pass that begins in this cycle.
     pub fn new(from: u64) -> Self {
         Shares {
             from,
@@ -97,7 +97,7 @@ impl Shares {
         }
     }
 
-    /// Those of the next tile, which is through.
+    /// Shares of the next finished tile.
     pub fn of<'a>(&mut self, units: impl Iterator<Item = &'a Unit>) -> Vec<Share> {
         let from = self.from;
         let all: Vec<(u64, Account)> = units.flat_map(Unit::so_far).collect();
@@ -124,7 +124,7 @@ impl Shares {
     }
 }
 
-/// Names of an engine's units, with a number where several have the same.
+/// Names of an engine's units, with an index if several have the same name.
 pub fn names<'a>(units: impl Iterator<Item = &'a Unit>) -> Vec<String> {
     let names: Vec<&str> = units
         .flat_map(|unit| unit.so_far().map(|_| unit.name()))

@@ -1,65 +1,64 @@
-//! Walk: how long `fetch` takes to find the splats of a tree.
+//! Walk: cycles of `fetch` to find the splats of a tree.
 //!
 //! ```text
-//! stack ─►( children of some nodes, asked for together )─► memory ─►( a node a cycle )─┬─► project, as they come
-//!   ▲                                                                     │           └─► list ─► sort ─► project, the largest first
-//!   └─────────────────────────────────────────────────────────────────────┘
+//! stack ─►( children of some nodes, requested together )─► memory ─►( a node per cycle )─┬─► project, in this order
+//!   ▲                                                                      │             └─► list ─► sort ─► project, the largest first
+//!   └──────────────────────────────────────────────────────────────────────┘
 //! ```
-//! Which children are asked for next is known when all that were asked for before are tested: one
-//! latency of memory, and one of the test, which is that of `project`, a round. Within a round
-//! requests follow each other a cycle apart. Nodes of one round that share a burst read it once.
+//! The next children are known when all previously requested ones are tested: a round takes the
+//! latency of memory and the latency of the test, which is that of `project`. Within a round there
+//! is one request per cycle. Nodes of one round that share a burst read it once.
 //!
-//! Where the largest come first, the walk goes through the tree and lists what it draws, 8 bytes a
-//! node; two passes sort the list; then each record is read again.
+//! If the largest nodes come first, the walk lists the drawn nodes, with 8 bytes per node; two
+//! passes sort the list; then each record is read again.
 //!
 //! Laws (tests/tree.rs of the bench): `a_walk_takes_a_latency_a_round`,
 //! `a_walk_reads_every_node_of_its_visits`.
 
 use super::account::{Ready, Unit};
-use super::memory::{Client, Direction, Memory, NODES, Outstanding};
+use super::memory::{Direction, Memory, NODES, Outstanding, Requester};
 use crate::elaboration::microarchitecture::{Microarchitecture, WALK_DIGIT_BITS};
 use crate::work::{Found, Visit, Work};
 
-/// Bytes of a list's entry: a size and a node.
+/// Bytes of a list's entry: a size and an index of a node.
 const ENTRY_BYTES: u64 = 8;
 /// Passes of the sort, and values of a digit.
 const PASSES: u64 = 2;
 const DIGITS: u64 = 1 << WALK_DIGIT_BITS;
-/// Bytes that the sort moves at a time.
+/// Bytes per transfer of the sort.
 const PART_BYTES: u64 = 1 << 12;
 
-/// A walk, or what follows from it.
+/// A walk, and the sorted list after it.
 #[derive(Clone, Debug)]
-pub struct Walk<'a> {
+pub struct TreeWalk<'a> {
     visits: &'a [Visit],
     ahead: u32,
     listed: &'a [u32],
     node_bytes: u64,
     burst_bytes: u64,
     test: u64,
-    /// The next visit, and of the list the next node.
+    /// Index of the next visit, or of the next node of the list.
     next: usize,
     next_listed: usize,
-    /// The first visit of the round, its groups so far, and when it could begin.
+    /// The first visit of the round, its groups so far, and its earliest start.
     round: usize,
     groups: u32,
     begun: u64,
-    /// When the next request can go, and the last test was through.
+    /// The cycle of the next request, and the end of the last test.
     free: u64,
     tested: u64,
-    /// The last burst that was read, and when it was there.
+    /// The last burst that was read, and its arrival.
     held: Option<(u64, u64)>,
-    /// When the sorted list can be read.
+    /// Cycle from which the sorted list can be read.
     sorted: Option<u64>,
     list_bursts: u64,
     list_here: u64,
 }
 
-impl<'a> Walk<'a> {
-    /// None where splats lie in memory one after the other. Nothing is read before something else
-    /// is loaded.
+impl<'a> TreeWalk<'a> {
+    /// None if splats are consecutive in memory. Nothing is read before `loaded`.
     pub fn new(timing: &Microarchitecture, work: &'a Work, loaded: u64) -> Option<Self> {
-        (!work.walk.is_empty()).then(|| Walk {
+        (!work.walk.is_empty()).then(|| TreeWalk {
             visits: &work.walk,
             ahead: work.ahead.max(1),
             listed: &work.listed,
@@ -80,7 +79,7 @@ impl<'a> Walk<'a> {
         })
     }
 
-    /// Finds the next splat; says when `fetch` takes it.
+    /// Finds the next splat; returns the cycle in which `fetch` takes it.
     pub fn next(
         &mut self,
         fetch: &mut Unit,
@@ -99,14 +98,14 @@ impl<'a> Walk<'a> {
         fetch.free()
     }
 
-    /// Reads the rest: what is not drawn.
+    /// Reads the remaining nodes, which are not drawn.
     pub fn end(&mut self, fetch: &mut Unit, outstanding: &mut Outstanding, memory: &mut Memory) {
         while let Some(visit) = self.visits.get(self.next) {
             self.visit(*visit, fetch, outstanding, memory);
         }
     }
 
-    /// Reads a node and tests it; says when.
+    /// Reads a node and tests it; returns the cycle.
     fn visit(
         &mut self,
         visit: Visit,
@@ -118,7 +117,7 @@ impl<'a> Walk<'a> {
         let is_new =
             self.next > 0 && self.visits[self.next - 1].parent != visit.parent || self.next == 1;
         if is_new {
-            // What comes next depends on the round, or the round is full.
+            // The next group depends on the round, or the round is full.
             if parent >= self.round || self.groups == self.ahead {
                 (self.round, self.groups) = (self.next, 0);
                 self.begun = self.tested;
@@ -127,7 +126,7 @@ impl<'a> Walk<'a> {
             self.groups += 1;
         }
         let here = self.read(visit.node.into(), self.begun, outstanding, memory);
-        // Of a list nothing goes on yet.
+        // Splats of a list continue after the sort.
         let goes_on = visit.found == Found::Drawn && self.listed.is_empty();
         let room = if goes_on { fetch.behind.free() } else { 0 };
         let now = fetch.take(
@@ -143,7 +142,7 @@ impl<'a> Walk<'a> {
         now
     }
 
-    /// A node's record, asked for at that time or later; says when it is here.
+    /// Reads a node's record, requested at that time or later; returns its arrival.
     fn read(
         &mut self,
         node: u64,
@@ -161,7 +160,7 @@ impl<'a> Walk<'a> {
             let before = self.held.map_or(0, |(_, here)| here);
             let here = memory.request(
                 when,
-                Client::Splats,
+                Requester::Splats,
                 Direction::Read,
                 burst * self.burst_bytes,
                 self.burst_bytes,
@@ -197,7 +196,7 @@ impl<'a> Walk<'a> {
             let address = NODES + self.list_bursts * self.burst_bytes;
             self.list_here = memory.request(
                 when,
-                Client::Splats,
+                Requester::Splats,
                 Direction::Read,
                 address,
                 self.burst_bytes,
@@ -223,8 +222,8 @@ impl<'a> Walk<'a> {
         )
     }
 
-    /// Writes the list and sorts it: an entry a cycle in each pass, and a cycle for each value of a
-    /// digit. Says when it is done.
+    /// Writes the list and sorts it: one cycle per entry and pass, and one per value of a digit.
+    /// Returns the end.
     fn sort(&mut self, memory: &mut Memory) -> u64 {
         let entries = self.listed.len() as u64;
         let bytes = entries * ENTRY_BYTES;
@@ -234,12 +233,17 @@ impl<'a> Walk<'a> {
                 let part = PART_BYTES.min(bytes - moved);
                 let address = |half: u64| NODES + half % 2 * (1 << 38) + moved;
                 if reads {
-                    done =
-                        memory.request(done, Client::Splats, Direction::Read, address(half), part);
+                    done = memory.request(
+                        done,
+                        Requester::Splats,
+                        Direction::Read,
+                        address(half),
+                        part,
+                    );
                 }
                 done = memory.request(
                     done,
-                    Client::Splats,
+                    Requester::Splats,
                     Direction::Write,
                     address(half + 1),
                     part,
@@ -248,7 +252,7 @@ impl<'a> Walk<'a> {
             }
             done
         };
-        // It was written while the walk went on, but for the channel.
+        // The list was written during the walk, except for the channel's cycles.
         let mut now =
             moved(self.tested.saturating_sub(entries), false, PASSES + 1).max(self.tested);
         for pass in 0..PASSES {

@@ -17,7 +17,8 @@ use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::functions::{Reciprocal, table};
 use crate::kernels::{
-    Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits,
+    Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, PackedTile, SumLimits,
+    fits_32_bits,
 };
 use crate::machine::{FragmentDepth, Group, Machine, Merge};
 use crate::num::{Exact, Exacts, Fit, Lanes, Word, Words, fit, three};
@@ -87,12 +88,12 @@ impl From<Merge> for FullRule {
 /// How two fragments are merged and shaded.
 pub trait Merging<A, P> {
     /// Completes the postponed merges of a pixel before it is accessed again.
-    fn settle(&mut self, unit: &Fragment, tile: &mut Tile<A>, pixel: u8, probe: &mut P);
+    fn settle(&mut self, unit: &Fragment, tile: &mut PackedTile<A>, pixel: u8, probe: &mut P);
     /// Merges the front and the back of a pair into this slot of a pixel.
     fn merge(
         &mut self,
         unit: &Fragment,
-        tile: &mut Tile<A>,
+        tile: &mut PackedTile<A>,
         at: (u8, usize),
         pair: &[Slot; 2],
         probe: &mut P,
@@ -101,12 +102,12 @@ pub trait Merging<A, P> {
 
 /// Merges immediately, and shades by a function.
 impl<A: Accumulator, P: Probe, F: Fn(&Slot, &mut Tap<P>) -> Premultiplied> Merging<A, P> for F {
-    fn settle(&mut self, _: &Fragment, _: &mut Tile<A>, _: u8, _: &mut P) {}
+    fn settle(&mut self, _: &Fragment, _: &mut PackedTile<A>, _: u8, _: &mut P) {}
 
     fn merge(
         &mut self,
         unit: &Fragment,
-        tile: &mut Tile<A>,
+        tile: &mut PackedTile<A>,
         (pixel, slot): (u8, usize),
         [front, back]: &[Slot; 2],
         probe: &mut P,
@@ -581,7 +582,7 @@ impl Fragment {
     #[inline(always)]
     pub fn contribute<H: HostPath, P: Probe>(
         &self,
-        tile: &mut Tile<H::Accumulator>,
+        tile: &mut PackedTile<H::Accumulator>,
         pixel: u8,
         input: Input,
         registers: &FragmentRegisters,
@@ -654,7 +655,7 @@ impl Fragment {
     #[inline(never)]
     fn overflow<A: Accumulator, P: Probe>(
         &self,
-        tile: &mut Tile<A>,
+        tile: &mut PackedTile<A>,
         pixel: u8,
         fresh: &PackedSlot<A>,
         registers: &FragmentRegisters,
@@ -679,7 +680,7 @@ impl Fragment {
             }
             return Decision::Evicted(place == self.layers);
         }
-        let stacked = |position: usize, tile: &Tile<A>| match position.cmp(&place) {
+        let stacked = |position: usize, tile: &PackedTile<A>| match position.cmp(&place) {
             Ordering::Less => tile.read(pixel, position),
             Ordering::Equal => *fresh,
             Ordering::Greater => tile.read(pixel, position - 1),
@@ -704,7 +705,7 @@ impl Fragment {
     #[inline(always)]
     fn hides<A: Accumulator>(
         &self,
-        tile: &Tile<A>,
+        tile: &PackedTile<A>,
         pixel: u8,
         fresh: &PackedSlot<A>,
         place: usize,
@@ -868,7 +869,7 @@ impl Fragment {
 }
 
 /// Depth buffer: the nearer of the two fragments stays.
-fn replace<A: Accumulator>(tile: &mut Tile<A>, pixel: u8, fresh: &PackedSlot<A>) -> Decision {
+fn replace<A: Accumulator>(tile: &mut PackedTile<A>, pixel: u8, fresh: &PackedSlot<A>) -> Decision {
     if fresh.key < tile.depth(pixel, 0) {
         tile.write(pixel, 0, *fresh);
         return Decision::Replaced;

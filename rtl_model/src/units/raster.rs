@@ -29,7 +29,7 @@ use crate::elaboration::{Elaboration, Operator};
 use crate::kernels::ONES;
 use crate::machine::timing::Organisation;
 use crate::machine::{Machine, Rows};
-use crate::num::register::Held;
+use crate::num::register::RegisterBits;
 use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, three, two};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
@@ -75,11 +75,11 @@ pub struct Walks {
     /// The part's first pixel in the square: 16 · row + column.
     first_pixel: [i64; LANES],
     /// Used where rows are differenced; otherwise each row has its own seed.
-    seed: Seed<[Held; LANES]>,
-    by_column_twice: [Held; LANES],
-    by_row: [Held; LANES],
-    by_row_twice: [Held; LANES],
-    by_both: [Held; LANES],
+    seed: Seed<[RegisterBits; LANES]>,
+    by_column_twice: [RegisterBits; LANES],
+    by_row: [RegisterBits; LANES],
+    by_row_twice: [RegisterBits; LANES],
+    by_both: [RegisterBits; LANES],
     depth_slope: [[i64; LANES]; 2],
     /// The depth clamp (shape: [`Raster::depth_exact`]).
     nearest: [i64; LANES],
@@ -172,10 +172,10 @@ pub struct Span {
     place: [u8; SPAN_FRAGMENTS + LANES],
     /// r of every pixel of the part, as in its register (`raster.radial`), eight columns per
     /// vector.
-    radial: [[[Held; LANES]; 2]; SIDE_PX],
+    radial: [[[RegisterBits; LANES]; 2]; SIDE_PX],
     /// z of each row's first pixel, unclamped, as in its register (`raster.depth`), where each row
     /// is seeded again.
-    depth: [Held; SIDE_PX],
+    depth: [RegisterBits; SIDE_PX],
 }
 
 impl Default for Span {
@@ -679,7 +679,7 @@ impl Raster {
         walks: &Walks,
         lane: usize,
         input: &Input,
-        cutoff: Held,
+        cutoff: RegisterBits,
         span: &mut Span,
         tap: &mut Tap<P>,
     ) {
@@ -696,7 +696,7 @@ impl Raster {
         &self,
         w: &Walks,
         lane: usize,
-        cutoff: Held,
+        cutoff: RegisterBits,
         span: &mut Span,
         tap: &mut Tap<P>,
     ) {
@@ -731,7 +731,7 @@ impl Raster {
         walks: &Walks,
         lane: usize,
         input: &Input,
-        cutoff: Held,
+        cutoff: RegisterBits,
         span: &mut Span,
         tap: &mut Tap<P>,
     ) {
@@ -805,8 +805,8 @@ impl Raster {
     #[inline(always)]
     fn watch_row<P: Probe>(
         &self,
-        seed: &Seed<Held>,
-        by_column_twice: Held,
+        seed: &Seed<RegisterBits>,
+        by_column_twice: RegisterBits,
         depth_slope: i64,
         columns: usize,
         tap: &mut Tap<P>,
@@ -829,9 +829,9 @@ impl Raster {
     #[inline(always)]
     fn reach<P: Probe>(
         &self,
-        seed: &Seed<Held>,
-        by_column_twice: Held,
-        by_row: [Held; 3],
+        seed: &Seed<RegisterBits>,
+        by_column_twice: RegisterBits,
+        by_row: [RegisterBits; 3],
         depth_slope: [i64; 2],
         [columns, rows]: [usize; 2],
         tap: &mut Tap<P>,
@@ -886,9 +886,9 @@ impl Raster {
 
     fn walk_row<P: Probe>(
         &self,
-        mut radial: Held,
-        mut first: Held,
-        second: Held,
+        mut radial: RegisterBits,
+        mut first: RegisterBits,
+        second: RegisterBits,
         columns: usize,
         tap: &mut Tap<P>,
     ) {
@@ -1066,7 +1066,7 @@ impl<L: Lanes> Seed<L> {
     }
 
     #[inline(always)]
-    fn to_array(self) -> Seed<[Held; LANES]> {
+    fn to_array(self) -> Seed<[RegisterBits; LANES]> {
         Seed {
             radial: self.radial.to_array(),
             by_column: self.by_column.to_array(),
@@ -1086,7 +1086,12 @@ fn after<L: Lanes>(value: L, first: L, second: L, steps: L) -> L {
 
 /// A twice differenced register at the first or second eight columns from this one.
 #[inline(always)]
-fn eight_columns<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
+fn eight_columns<L: Lanes>(
+    value: RegisterBits,
+    first: RegisterBits,
+    second: RegisterBits,
+    eight: usize,
+) -> L {
     let [columns, pairs] = [L::from_array(COLUMNS[eight]), L::from_array(PAIRS[eight])];
     L::splat(value)
         .wrapping_add(L::splat(first).times(columns))

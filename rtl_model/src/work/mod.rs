@@ -1,15 +1,15 @@
-//! Work: what happened in a frame, recorded compactly, for timing to replay.
+//! Work: a compact record of the events of a frame, which timing replays.
 //!
 //! ```text
-//!                    ┌─ fates   what became of each splat                  1 byte a splat
-//! frame ─► Recorder ─┼─ boxes   what the drawn ones covered               12 bytes a splat
-//!                    └─ tiles   which pixels each row kept                 2 bytes a row
-//!                               what became of their contributions         2 bytes a splat, 3 for each that was not just added
-//!                               what each pixel held in the end            1 byte a pixel
+//!                    ┌─ fates   cull reason of each splat                    1 byte per splat
+//! frame ─► Recorder ─┼─ boxes   boxes of the drawn splats                    12 bytes per splat
+//!                    └─ tiles   kept pixels of each row                       2 bytes per row
+//!                               decisions on their contributions              2 bytes per splat, 3 for each but additions
+//!                               final contents of each pixel                  1 byte per pixel
 //! ```
-//! The simulator draws tiles of 16×16 pixels, and records them so; within a tile splats come in
-//! input order. Every organisation of a machine goes through the same tiles in its own order, for a
-//! pixel's result depends on nothing but the order of its contributions.
+//! The simulator draws and records tiles of 16×16 pixels. Within a tile, splats are in input order.
+//! The result of a pixel depends only on the order of its contributions, so every organisation of a
+//! machine visits the same tiles in its own order.
 //!
 //! Laws: `the_record_equals_the_drawing`, `a_record_is_the_same_for_any_number_of_threads`.
 
@@ -20,22 +20,22 @@ use serde::{Deserialize, Serialize};
 /// Side of a recorded tile, pixels.
 pub const TILE_PX: usize = 16;
 
-/// Fate of a splat.
+/// Cull reason of a splat, or `Drawn`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Fate {
-    /// It has a box.
+    /// Not culled: it has a box.
     Drawn,
-    /// At or before the near plane: it ends in `project`.
+    /// At or in front of the near plane: culled in `project`.
     Near,
-    /// Outside of the guard band: it ends in `project`.
+    /// Outside the guard band: culled in `project`.
     Outside,
-    /// Faces away: it ends in `ellipse`, as the two that follow.
+    /// Faces away: culled in `ellipse`, like the next two.
     Backface,
-    /// Nothing to see.
+    /// Amplitude too small to be visible.
     Faint,
-    /// The box misses the picture.
+    /// The box is outside the picture.
     Missing,
-    /// Too little opacity for any of its weights to count: it ends in `project`.
+    /// Opacity too low for any of its weights to count: culled in `project`.
     Transparent,
 }
 
@@ -46,65 +46,65 @@ impl Fate {
     }
 }
 
-/// What became of a node of a tree.
+/// Decision on a node of a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Found {
     /// Its children are read.
     Opened,
     /// It is drawn.
     Drawn,
-    /// All below it face away.
+    /// All splats below it face away.
     Away,
-    /// All below it lie outside of the picture.
+    /// All splats below it are outside the picture.
     Outside,
 }
 
-/// A node of a tree that was read.
+/// A visited node of a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Visit {
-    /// Its number: where it lies in memory.
+    /// Its index, which gives its address in memory.
     pub node: u32,
-    /// Place of its parent's visit, which is before it; of the first its own.
+    /// Index of its parent's visit, which is earlier; for the first visit, its own index.
     pub parent: u32,
-    /// What became of it.
+    /// Decision on the node.
     pub found: Found,
 }
 
-/// Outcome of a contribution.
+/// Decision on a contribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Event {
     /// Added to a fragment.
     Accumulated,
-    /// Its weight rounds to 0: it ends in `gauss`.
+    /// Its weight rounds to 0: it is dropped in `gauss`.
     Faint,
-    /// Opened a slot.
+    /// Inserted into a free slot.
     Inserted,
-    /// Made two fragments merge, of which so many, 0 to 2, had to be shaded for it; of windows, was
-    /// blended too, or made two add up.
+    /// Two fragments merged, of which this number, 0 to 2, had to be shaded first. With windows: it
+    /// was also blended, or two slots were added.
     Merged(u8),
-    /// Made the deepest fragment vanish.
+    /// The deepest fragment was dropped.
     Evicted,
     /// Replaced a fragment, or was dropped behind it.
     Replaced,
-    /// Made its pixel stop: whatever comes after it there is recorded as if it were added, and
-    /// changes nothing.
+    /// Its pixel stopped. Later contributions to this pixel are recorded as added, and change
+    /// nothing.
     Stopped,
-    /// The same by the sheet that was blended because it begins another: that takes as long as a
-    /// merge.
+    /// Its pixel stopped because the previous sheet was blended when this contribution began
+    /// another: it takes as long as a merge.
     MergedAndStopped,
 }
 
 impl Event {
-    /// Whether its pixel takes nothing more.
+    /// Whether the pixel accepts no further contributions.
     pub fn stops(self) -> bool {
         matches!(self, Event::Stopped | Event::MergedAndStopped)
     }
 }
 
-/// Where a drawn splat lies.
+/// Box of a drawn splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Footprint {
-    /// Its place in the input.
+    /// Its index in the input.
     pub splat: u32,
     /// First and last column of its box.
     pub columns: [u16; 2],
@@ -124,37 +124,37 @@ impl Footprint {
 pub struct Tile {
     /// Its first pixel.
     pub corner: [u16; 2],
-    /// Splat by splat, row by row of its box in the tile: which columns were kept, the first of the
-    /// tile in the last place.
+    /// Splat by splat, row by row of its box in the tile: a bit per kept column, the first column
+    /// of the tile in the LSB.
     rows: Vec<u16>,
-    /// Splat by splat, how many of its contributions were not just added.
+    /// Splat by splat, the number of its events.
     counts: Vec<u16>,
-    /// Those: where, 16 times the row of the box in the tile, and the tile's column; and what.
+    /// Contributions that were not simply added: 16 times the row of the box in the tile plus the
+    /// tile's column, and the decision.
     events: Vec<(u8, Event)>,
-    /// Fragments at the end, and 16 times how many of them were left to shade.
+    /// Final fragments per pixel, plus 16 times the number of them that are not shaded yet.
     pixels: Vec<u8>,
-    /// Of a frame with surroundings what each fragment that was shaded looked up: for merges, event
-    /// by event, then pixel by pixel.
+    /// In a frame with surroundings, the texel of each shaded fragment: for merges, event by event,
+    /// then pixel by pixel.
     texels: Vec<u16>,
 }
 
-/// In the place of a texel: nothing was looked up.
+/// Instead of a texel: no look-up.
 pub const NO_TEXEL: u16 = u16::MAX;
 
 impl Tile {
-    /// Fragments that a pixel, counted by rows, ended with, and how many were left to shade.
+    /// Final fragments of a pixel, counted by rows, and the number of them that are not shaded yet.
     pub fn pixel(&self, pixel: usize) -> [u8; 2] {
         [self.pixels[pixel] % 16, self.pixels[pixel] / 16]
     }
 
-    /// Bytes that it takes.
     fn bytes(&self) -> usize {
         2 * (self.rows.len() + self.counts.len() + self.texels.len())
             + size_of::<(u8, Event)>() * self.events.len()
             + self.pixels.len()
     }
 
-    /// Reads it from its beginning.
+    /// A reader at the start of the record.
     pub fn reader(&self) -> Reader<'_> {
         Reader {
             rows: &self.rows,
@@ -164,7 +164,7 @@ impl Tile {
         }
     }
 
-    /// What the fragments looked up that were left to shade in the end, pixel by pixel.
+    /// Texels of the fragments that are shaded in resolve, pixel by pixel.
     pub fn texels_of_pixels(&self) -> &[u16] {
         let left: usize = self
             .pixels
@@ -175,7 +175,7 @@ impl Tile {
     }
 }
 
-/// Goes through a tile, splat by splat.
+/// Reads a tile, splat by splat.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
     rows: &'a [u16],
@@ -185,8 +185,8 @@ pub struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// What the fragments that were shaded for these events, the next ones, looked up; nothing
-    /// where nothing is mirrored.
+    /// Texels of the fragments that were shaded for the next events; empty if the frame has no
+    /// surroundings.
     pub fn texels(&mut self, events: &[(u8, Event)]) -> &'a [u16] {
         let shades = |(_, event): &(u8, Event)| {
             if let Event::Merged(shades) = event {
@@ -203,14 +203,14 @@ impl<'a> Reader<'a> {
         texels
     }
 
-    /// Rows of the next splat, and of all that follow.
+    /// Rows of the remaining splats.
     #[inline(always)]
     pub fn rows(&self) -> &'a [u16] {
         self.rows
     }
 
-    /// The next splat, of so many rows: which columns each row kept; where, 16 times the row and
-    /// the column, a contribution was not just added, and what became of it.
+    /// The next splat, of `rows` rows: the kept columns of each row; and its events, each with 16
+    /// times the row plus the column.
     #[inline(always)]
     pub fn splat(&mut self, rows: usize) -> (&'a [u16], &'a [(u8, Event)]) {
         let ([count, counts @ ..], Some((rows, rows_left))) =
@@ -227,15 +227,15 @@ impl<'a> Reader<'a> {
 /// Record of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Fate of each splat, in input order.
+    /// Cull reason of each splat, in input order.
     pub fates: Vec<Fate>,
     /// The drawn splats, in input order.
     pub footprints: Vec<Footprint>,
-    /// In which order they are drawn: places among them; empty where they are drawn in input order.
+    /// Drawing order: indices among the drawn splats; empty for input order.
     pub order: Vec<u32>,
     /// Key of each drawn splat, in input order, on a machine that distributes lists to buckets by
     /// it; else empty.
@@ -243,29 +243,28 @@ pub struct Work {
     pub keys: Vec<u32>,
     /// Every drawn splat is lit before it is drawn.
     pub preshaded: bool,
-    /// All splats have the axes that lie in registers.
+    /// All splats have the axes in the registers.
     pub shared_axes: bool,
-    /// Degree of the spherical harmonics that become the colour of every drawn splat, 0 to 3; 0
-    /// where records have colours.
+    /// Degree of the spherical harmonics of the colours, 0 to 3; 0 if records have colours.
     pub harmonics: u8,
     /// Every tile that a box touches, by rows.
     pub tiles: Vec<Tile>,
-    /// Nodes of a tree that were read to find the splats; none where these lie in memory one after
-    /// the other.
+    /// Nodes of a tree that were read to find the splats; empty if the splats are consecutive in
+    /// memory.
     pub walk: Vec<Visit>,
-    /// How many nodes' children are asked for at a time.
+    /// Number of nodes whose children are requested at the same time.
     pub ahead: u32,
-    /// Nodes that are drawn, in that order; empty where they are drawn as the walk comes to them.
+    /// Drawn nodes in drawing order; empty if they are drawn in the order of the walk.
     pub listed: Vec<u32>,
-    /// The frame has surroundings, which the machine mirrors.
+    /// The frame has surroundings, which the machine reflects.
     pub mirrors: bool,
-    /// Of such a frame, if splats are lit before they are drawn, what each drawn one looked up: a
-    /// row and a column of the map, a byte each.
+    /// In such a frame, if splats are lit before they are drawn, the texel of each drawn splat: row
+    /// and column of the map, a byte each.
     pub texels: Vec<u16>,
 }
 
 impl Work {
-    /// The drawn splats by tiles of so many pixels a side: their places among [`Work::footprints`].
+    /// The drawn splats by tiles with this side: their indices in [`Work::footprints`].
     pub fn bins(&self, side_px: usize) -> Bins {
         let input = 0..if self.order.is_empty() {
             self.footprints.len() as u32
@@ -280,14 +279,14 @@ impl Work {
         )
     }
 
-    /// Brings the footprints of these places together: they lie scattered, and whoever went from
-    /// one to the next would wait for each.
+    /// Copies the footprints at these indices to consecutive memory, because the host would stall
+    /// on each of the scattered ones.
     pub fn look_up(&self, places: &[u32], footprints: &mut Vec<Footprint>) {
         footprints.clear();
         footprints.extend(places.iter().map(|nth| self.footprints[*nth as usize]));
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         self.fates.len()
             + 4 * (self.order.len() + self.keys.len())
@@ -298,8 +297,8 @@ impl Work {
             + 2 * self.texels.len()
     }
 
-    /// Most nodes of its walk that took a place on the walker's stack; 0 where there is no walk.
-    /// Those that are asked for keep their places until their children are tested.
+    /// Greatest number of places that the walk takes on the walker's stack; 0 if there is no walk.
+    /// Nodes keep their places until their children are tested.
     pub fn deepest_stack(&self) -> u64 {
         let mut groups = self
             .walk
@@ -307,17 +306,17 @@ impl Work {
             .peekable();
         let (mut stack, mut deepest) = (u64::from(groups.peek().is_some()), 0);
         while groups.peek().is_some() {
-            let asked = stack.clamp(1, self.ahead.max(1).into());
-            let read = groups.by_ref().take(asked as usize).flatten();
+            let requested = stack.clamp(1, self.ahead.max(1).into());
+            let read = groups.by_ref().take(requested as usize).flatten();
             let pushed = read.filter(|visit| visit.found == Found::Opened).count() as u64;
-            stack = stack.saturating_sub(asked) + pushed;
-            deepest = deepest.max(stack + asked);
+            stack = stack.saturating_sub(requested) + pushed;
+            deepest = deepest.max(stack + requested);
         }
         deepest
     }
 
-    /// Contents of each pixel in the end, row by row: fragments, and how many of them are left to
-    /// shade.
+    /// Final contents of each pixel, row by row: fragments, and the number of them that are not
+    /// shaded yet.
     pub fn held(&self) -> Vec<[u8; 2]> {
         let [width, height] = [self.width, self.height].map(|size| size as usize);
         let mut held = vec![[0; 2]; width * height];
@@ -336,8 +335,8 @@ impl Work {
         held
     }
 
-    /// What fragments look up that are left to shade, pixel by pixel, tile after tile; and by rows
-    /// of the picture where each pixel's begin.
+    /// Texels of the fragments that are shaded in resolve, pixel by pixel, tile by tile; and the
+    /// index of each pixel's first one, by rows of the picture.
     pub fn texels_of_pixels(&self) -> (Vec<u16>, Vec<u32>) {
         let [width, height] = [self.width, self.height].map(|size| size as usize);
         let (mut texels, mut first) = (Vec::new(), vec![0; width * height]);
@@ -379,19 +378,19 @@ struct TileRecorder {
     counts: Vec<u16>,
     events: Vec<(u8, Event)>,
     pixels: Vec<u8>,
-    /// The span that is being recorded: where its contributions lie, and how many of them were.
+    /// The current span: its contributions, and the number of them that are done.
     places: Vec<u8>,
     recorded: usize,
     shaded: u8,
-    /// What fragments looked up; of splats that are lit before they are drawn, if they are set up
-    /// here.
+    /// Texels of fragments; also of splats that are lit before they are drawn, in the recorder of
+    /// their setup.
     texels: Vec<u16>,
 }
 
 /// Records the work of a frame, or of a part of it.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
-    /// Drawn splats, and those that were not.
+    /// Drawn splats, and culled ones.
     footprints: Vec<Footprint>,
     culled: Vec<(u32, Fate)>,
     order: Vec<u32>,
@@ -404,7 +403,7 @@ pub struct Recorder {
     now: TileRecorder,
 }
 
-/// Splats in the order of their places; a fate for each lane that has one.
+/// Cull reasons, in the order of the lanes of [`Recorder::culled`].
 pub const CULLED: [Fate; 6] = [
     Fate::Near,
     Fate::Outside,
@@ -453,12 +452,12 @@ impl Recorder {
         }
     }
 
-    /// A recorder of another part.
+    /// A recorder for another part of the frame.
     pub fn fork(&self) -> Self {
         Recorder::default()
     }
 
-    /// Takes over another part: of the splats that follow, or other tiles.
+    /// Adds the record of another part: of the following splats, or of other tiles.
     pub fn absorb(&mut self, other: Recorder) {
         self.footprints.extend(other.footprints);
         self.culled.extend(other.culled);
@@ -476,14 +475,14 @@ impl Recorder {
         self.now.texels.push(NO_TEXEL);
     }
 
-    /// It looks up four texels, the first of them in this column and row.
+    /// That fragment looks up four texels, the first of them in this column and row.
     pub fn looked_up(&mut self, [column, row]: [u8; 2]) {
         if let Some(last) = self.now.texels.last_mut() {
             *last = u16::from_be_bytes([row, column]);
         }
     }
 
-    /// Of eight splats, which were not drawn, by [`CULLED`], the first in the last place.
+    /// Those of eight splats that were not drawn, by [`CULLED`], the first splat in the LSB.
     pub fn culled(&mut self, first: u32, lanes: [u8; CULLED.len()]) {
         for (lanes, fate) in lanes.into_iter().zip(CULLED) {
             self.culled.extend(
@@ -494,14 +493,14 @@ impl Recorder {
         }
     }
 
-    /// All splats with a box have been recorded; they are drawn in this order. Keys, if any, are in
+    /// All splats with a box have been recorded. They are drawn in this order. Keys, if any, are in
     /// input order.
     pub fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         (self.order, self.keys) = (order, keys);
     }
 
-    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have
-    /// the axes in the registers, and the degree of the harmonics that their colours are.
+    /// Splats are ellipsoids: whether those with a box are lit before they are drawn, whether all
+    /// have the axes in the registers, and the degree of the harmonics of their colours.
     pub fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {
         (self.preshaded, self.shared_axes, self.harmonics) = (preshaded, shared_axes, harmonics);
     }
@@ -515,8 +514,8 @@ impl Recorder {
         });
     }
 
-    /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these
-    /// places: 16 · row + column.
+    /// A splat's part of a tile, which has `rows` rows from column `left` of the tile on, keeps
+    /// these pixels: 16 · row + column.
     #[inline(always)]
     pub fn span(&mut self, rows: usize, left: usize, places: &[u8]) {
         self.now.places.clear();
@@ -530,7 +529,7 @@ impl Recorder {
         self.now.counts.push(0);
     }
 
-    /// The next place had this outcome.
+    /// Decision on the contribution to the next pixel.
     #[inline(always)]
     pub fn became(&mut self, event: Event) {
         let TileRecorder {
@@ -549,25 +548,26 @@ impl Recorder {
         *recorded += 1;
     }
 
-    /// A fragment is shaded so that it can merge.
+    /// A fragment is shaded before it merges.
     #[inline(always)]
     pub fn shaded(&mut self) {
         self.now.shaded += 1;
     }
 
-    /// Fragments shaded since this was asked last.
+    /// Fragments shaded since the last call.
     #[inline(always)]
     pub fn take_shaded(&mut self) -> u8 {
         std::mem::take(&mut self.now.shaded)
     }
 
-    /// The next pixel of the tile ends with so many fragments, of which so many are left to shade.
+    /// The next pixel of the tile ends with this number of fragments, of which `shades` are not
+    /// shaded yet.
     #[inline(always)]
     pub fn pixel(&mut self, fragments: u8, shades: u8) {
         self.now.pixels.push(fragments + 16 * shades);
     }
 
-    /// The tile is done.
+    /// The tile is finished.
     pub fn tile(&mut self, corner: [u16; 2]) {
         let TileRecorder {
             rows,
@@ -594,7 +594,7 @@ impl Recorder {
     }
 }
 
-/// Which boxes touch which tile, in input order.
+/// Boxes by the tiles that they touch, in input order.
 #[derive(Clone, Debug)]
 pub struct Bins {
     /// Tiles of a row.
@@ -607,8 +607,8 @@ pub struct Bins {
 }
 
 impl Bins {
-    /// For a picture in tiles of so many pixels a side, and numbered boxes: first and last column,
-    /// first and last row.
+    /// For a picture in tiles with this side, and numbered boxes: first and last column, first and
+    /// last row.
     #[inline(always)]
     pub fn new(
         size_px: [u32; 2],
@@ -665,7 +665,7 @@ pub fn each_tile(
 ) {
     let tile = |pixel: u16| (u32::from(pixel) / side_px as u32) as usize;
     let [[left, right], [top, bottom]] = sides.map(|side| side.map(tile));
-    // Most touch one.
+    // Most boxes touch one tile.
     if left == right && top == bottom {
         return visit(top * columns + left);
     }

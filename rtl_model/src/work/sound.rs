@@ -1,5 +1,4 @@
-//! Sound: whether a record that somebody else wrote is one that a frame can have left, so that it
-//! can be replayed.
+//! Sound: checks that a record from a file can be that of a frame, so that it can be replayed.
 //!
 //! Laws (tests/recording.rs of the bench): `a_record_that_is_read_is_the_one_that_was_written`,
 //! `no_damage_is_taken_for_a_record`.
@@ -9,26 +8,22 @@ use super::{Event, Fate, Footprint, Found, TILE_PX, Tile, Visit, Work};
 /// Greatest side of a picture, pixels.
 const MOST_PX: u32 = 16_384;
 
-/// Refuses what does not hold.
 fn require(holds: bool, fault: &str) -> Result<(), String> {
     if holds { Ok(()) } else { Err(fault.to_owned()) }
 }
 
 impl Work {
-    /// Whether all of its parts belong together.
+    /// Checks that the parts of the record are consistent.
     ///
     /// # Errors
-    /// Half a sentence about what is wrong with it.
+    /// The fault, as a part of a sentence.
     pub fn check(&self) -> Result<(), String> {
         let sizes = [self.width, self.height];
         require(
             sizes.iter().all(|size| (1..=MOST_PX).contains(size)),
             "the picture's size is not 1 to 16384",
         )?;
-        require(
-            self.harmonics <= 3,
-            "its harmonics have a degree that none have",
-        )?;
+        require(self.harmonics <= 3, "its harmonics have a degree above 3")?;
         self.check_splats()?;
         self.check_walk()?;
         let emitted = if self.mirrors && self.preshaded {
@@ -42,16 +37,16 @@ impl Work {
         )?;
         let columns = (self.width as usize).div_ceil(TILE_PX);
         let is_after = |pair: &[Tile]| pair[0].place(columns) < pair[1].place(columns);
-        let lies_in = |tile: &Tile| {
+        let is_inside = |tile: &Tile| {
             (0..2).all(|i| {
                 usize::from(tile.corner[i]) % TILE_PX == 0 && u32::from(tile.corner[i]) < sizes[i]
             })
         };
         require(
-            self.tiles.iter().all(lies_in) && self.tiles.windows(2).all(is_after),
-            "its tiles lie where none can",
+            self.tiles.iter().all(is_inside) && self.tiles.windows(2).all(is_after),
+            "its tiles are misaligned, out of order or outside the picture",
         )?;
-        // Counted before lists of them are made: a box of a few bytes may touch a million tiles.
+        // Counted before lists of them are made: a box of a few bytes can touch a million tiles.
         let entries: u64 = self.footprints.iter().map(Footprint::tiles).sum();
         require(
             self.tiles
@@ -66,7 +61,7 @@ impl Work {
         for place in (0..lists.tiles()).filter(|place| !lists.of(*place).is_empty()) {
             let tile = tiles
                 .next_if(|tile| tile.place(columns) == place)
-                .ok_or("a tile that a splat touches is not there")?;
+                .ok_or("a tile that a splat touches is missing")?;
             tile.check(
                 lists
                     .of(place)
@@ -80,7 +75,7 @@ impl Work {
         }
         require(
             tiles.next().is_none(),
-            "a tile is there that no splat touches",
+            "it has a tile that no splat touches",
         )
     }
 
@@ -88,7 +83,7 @@ impl Work {
         if self.walk.is_empty() {
             return require(
                 self.listed.is_empty(),
-                "its splats are listed, and there is no walk that lists them",
+                "its splats are listed, but it has no walk",
             );
         }
         let is_below = |(nth, visit): (usize, &Visit)| {
@@ -97,7 +92,7 @@ impl Work {
         };
         require(
             self.walk.iter().enumerate().all(is_below),
-            "its walk reads nodes that are below none",
+            "its walk reads nodes whose parent is not opened",
         )?;
         let drawn = || {
             self.walk
@@ -134,12 +129,13 @@ impl Work {
             ascends && drawn == self.footprints.len() && self.footprints.iter().all(is_drawn),
             "its boxes are not those of its splats",
         )?;
-        let lies_in = |[first, last]: [u16; 2], size: u32| first <= last && u32::from(last) < size;
-        let all_lie_in = self
+        let is_inside =
+            |[first, last]: [u16; 2], size: u32| first <= last && u32::from(last) < size;
+        let all_inside = self
             .footprints
             .iter()
-            .all(|f| lies_in(f.columns, self.width) && lies_in(f.rows, self.height));
-        require(all_lie_in, "a box lies outside of the picture")?;
+            .all(|f| is_inside(f.columns, self.width) && is_inside(f.rows, self.height));
+        require(all_inside, "a box lies outside of the picture")?;
         let mut seen = vec![false; self.order.len()];
         for nth in &self.order {
             if let Some(seen) = seen.get_mut(*nth as usize) {
@@ -160,8 +156,8 @@ impl Work {
         )
     }
 
-    /// Whether a splat is drawn before another, as far as their keys say; those with equal keys are
-    /// in input order.
+    /// Whether a splat is drawn before another by their keys. Splats with equal keys are in input
+    /// order.
     fn is_before(&self, one: u32, other: u32) -> bool {
         let key = |nth: u32| self.keys.get(nth as usize).map(|key| (*key, nth));
         self.keys.is_empty() || key(one) < key(other)
@@ -169,7 +165,7 @@ impl Work {
 }
 
 impl Footprint {
-    /// How many tiles it touches.
+    /// Number of tiles that it touches.
     fn tiles(&self) -> u64 {
         let across = |[first, last]: [u16; 2]| {
             u64::from(last) / TILE_PX as u64 - u64::from(first) / TILE_PX as u64 + 1
@@ -179,13 +175,13 @@ impl Footprint {
 }
 
 impl Tile {
-    /// Its place among all of the picture's.
+    /// Its index among the tiles of the picture.
     fn place(&self, columns: usize) -> usize {
         let [column, row] = self.corner.map(|at| usize::from(at) / TILE_PX);
         row * columns + column
     }
 
-    /// Fragments that are shaded: to merge, and in the end.
+    /// Fragments that are shaded: for merges, and in resolve.
     fn shades(&self) -> usize {
         let merged = |(_, event): &(u8, Event)| {
             if let Event::Merged(shades) = event {
@@ -202,15 +198,15 @@ impl Tile {
                 .sum::<usize>()
     }
 
-    /// Whether it tells of these splats, in this order.
+    /// Whether it contains exactly these splats, in this order.
     fn check<'a>(&self, splats: impl Iterator<Item = &'a Footprint>) -> Result<(), String> {
         require(
             self.pixels.len() == TILE_PX * TILE_PX,
-            "a tile has not as many pixels as there are",
+            "a tile does not have 256 pixels",
         )?;
         require(
             self.pixels.iter().all(|held| held / 16 <= held % 16),
-            "more fragments are left to shade than there are",
+            "more fragments are to be shaded than a pixel holds",
         )?;
         let (mut rows, mut events) = (&self.rows[..], &self.events[..]);
         let mut counts = self.counts.iter();
@@ -223,20 +219,20 @@ impl Tile {
                 });
             let count = counts
                 .next()
-                .ok_or("a tile does not tell of all its splats")?;
+                .ok_or("a tile does not contain all of its splats")?;
             let (kept, rows_left) = rows
                 .split_at_checked(lines.len())
                 .ok_or("a tile has fewer rows than its splats")?;
             let (own, events_left) = events
                 .split_at_checked(usize::from(*count))
-                .ok_or("a tile has fewer contributions than it says")?;
+                .ok_or("a tile has fewer contributions than it counts")?;
             (rows, events) = (rows_left, events_left);
             let inside = (1u32 << columns.end) - (1u32 << columns.start);
             require(
                 kept.iter().all(|kept| u32::from(*kept) & !inside == 0),
                 "a row keeps pixels outside of its box",
             )?;
-            // Once at most, and where a pixel was kept.
+            // At most once per pixel, and only for kept pixels.
             let mut left: [u16; TILE_PX] =
                 std::array::from_fn(|row| kept.get(row).copied().unwrap_or_default());
             let mut is_kept = |(place, event): &(u8, Event)| {
@@ -246,12 +242,12 @@ impl Tile {
             };
             require(
                 own.iter().all(&mut is_kept),
-                "a contribution is told of that is none",
+                "a contribution is recorded for a pixel that is not kept",
             )?;
         }
         require(
             counts.len() == 0 && rows.is_empty() && events.is_empty(),
-            "a tile tells of more than its splats",
+            "a tile contains more than its splats",
         )
     }
 }

@@ -86,7 +86,7 @@ fn a_sum_is_as_wide_as_its_widest_term() {
     assert_eq!(
         errors,
         [
-            "ellipse.shape is made from an exact result of 65 bits, but 62 can be held: 3 bits must go from its operands"
+            "ellipse.shape is made from an exact result of 65 bits, but 62 can be held: 3 bits must be removed from its operands"
         ]
     );
 }

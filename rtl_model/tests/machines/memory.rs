@@ -442,7 +442,7 @@ fn impossible_memory_is_refused_in_a_sentence() {
                 bytes_per_cycle_permille: some(1000),
                 ..plain()
             },
-            "timing.memory.bytes_per_cycle_permille is 1000: it can be 0 to 999, more are a byte",
+            "timing.memory.bytes_per_cycle_permille is 1000: it can be 0 to 999, because 1000 are a byte",
         ),
         (
             Memory {
@@ -464,7 +464,7 @@ fn impossible_memory_is_refused_in_a_sentence() {
                 refresh_cycles: some(50),
                 ..plain()
             },
-            "timing.memory.refresh_cycles is 50: it must be less than refresh_interval_cycles, 50, for memory to move anything",
+            "timing.memory.refresh_cycles is 50: it must be less than refresh_interval_cycles, 50, so that memory can move data",
         ),
         (
             Memory {

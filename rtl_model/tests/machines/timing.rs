@@ -125,7 +125,7 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
         (
             "fragment/units",
             json!(3),
-            "timing.fragment.units is 3: it must be a power of two, for pixels go to units by their address",
+            "timing.fragment.units is 3: it must be a power of two, because the address of a pixel selects its unit",
         ),
         (
             "fragment/merges_in_flight",
@@ -150,7 +150,7 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
         (
             "shade/latency",
             json!(2),
-            "timing.shade.latency is 2, but its longest way takes 565.0 FO4: 3 cycles at 400 MHz in 28 nm",
+            "timing.shade.latency is 2, but its critical path takes 565.0 FO4: 3 cycles at 400 MHz in 28 nm",
         ),
     ];
     let mut all = reference();
@@ -183,8 +183,8 @@ fn only_a_binned_machine_has_several_engines() {
     assert_eq!(
         errors,
         [
-            "timing.engines is 2, but an immediate machine has no tiles to share: binned would do",
-            "timing.queue is longest, but an immediate machine has no tiles: order would do"
+            "timing.engines is 2, but an immediate machine has no tiles to share: use binned",
+            "timing.queue is longest, but an immediate machine has no tiles: use order"
         ]
     );
     (machine.timing.organisation, machine.timing.engines) = (Organisation::Binned, Some(65));
@@ -228,7 +228,7 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     assert_eq!(
         refused(&hazard_of_one(750_000_000)),
         [
-            "timing.fragment.hazard is 1, but its longest way takes 132.1 FO4: 2 cycles at 750 MHz in 28 nm"
+            "timing.fragment.hazard is 1, but its critical path takes 132.1 FO4: 2 cycles at 750 MHz in 28 nm"
         ]
     );
     // A latency that is enough at a slow clock is too short at a fast one.
@@ -260,7 +260,7 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     assert_eq!(
         refused(&|m| m.timing.fragment.merge = 0),
         [
-            "timing.fragment.merge is 0, but its longest way takes 60.1 FO4: 1 cycle at 400 MHz in 28 nm"
+            "timing.fragment.merge is 0, but its critical path takes 60.1 FO4: 1 cycle at 400 MHz in 28 nm"
         ]
     );
     // All absurd values are refused in sentences.

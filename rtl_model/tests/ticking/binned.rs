@@ -29,7 +29,7 @@ use super::scene::Scene;
 use super::sorters::{self, Sorters};
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::machine::timing::Queue;
-use rtl_model::timing::{Client, Direction};
+use rtl_model::timing::{Direction, Requester};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
@@ -355,7 +355,7 @@ impl<'a> BinnedMachine<'a> {
         let end = region + end.next_multiple_of(self.burst());
         self.memory.request(
             when,
-            Client::Binning,
+            Requester::Binning,
             Direction::Write,
             end - self.burst()..end,
             &self.writes.next(),
@@ -518,7 +518,7 @@ impl<'a> BinnedMachine<'a> {
         let done = Done::default();
         self.memory.request(
             self.now,
-            Client::Sort,
+            Requester::Sort,
             direction,
             HALVES[half] + self.moved..HALVES[half] + self.moved + bytes,
             &done,
@@ -554,7 +554,7 @@ impl<'a> BinnedMachine<'a> {
             .map(|words| words * u64::from(self.timing.frame_bytes));
         self.memory.request(
             when,
-            Client::FrameWrite,
+            Requester::FrameWrite,
             Direction::Write,
             WORDS + from..WORDS + from + bytes,
             &self.words.next(),
@@ -598,7 +598,7 @@ impl<'a> BinnedMachine<'a> {
             let from = LISTS + tile * LIST_BYTES + nth * ENTRY_BYTES;
             self.memory.request(
                 self.now,
-                Client::Lists,
+                Requester::Lists,
                 Direction::Read,
                 from..from + burst_bytes,
                 &engine.burst,
@@ -641,7 +641,7 @@ impl<'a> BinnedMachine<'a> {
                 let from = RECORDS + self.entries[*number].record * bytes;
                 self.memory.request(
                     self.now,
-                    Client::Lists,
+                    Requester::Lists,
                     Direction::Read,
                     from..from + bytes,
                     &records[number],

@@ -11,7 +11,7 @@ use super::parts::{
 };
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::timing::{Client, Direction};
+use rtl_model::timing::{Direction, Requester};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 
@@ -27,7 +27,7 @@ struct CacheLine {
 /// A line that is evicted, or one that is read in its place, held up until the stamps that used the
 /// evicted line are written.
 struct HeldUp {
-    client: Client,
+    client: Requester,
     line: usize,
     stamps: Vec<usize>,
     done: Done,
@@ -71,7 +71,7 @@ impl CacheState {
             self.written_back.insert(victim.line, self.before.clone());
             let stamps = self.before.clone();
             self.held_up.push(HeldUp {
-                client: Client::FrameWrite,
+                client: Requester::FrameWrite,
                 line: victim.line,
                 stamps,
                 done: Done::default(),
@@ -99,7 +99,7 @@ impl CacheState {
         let read = must_read.then(|| {
             let done = self.reads.next();
             self.held_up.push(HeldUp {
-                client: Client::FrameRead,
+                client: Requester::FrameRead,
                 line,
                 stamps,
                 done: done.clone(),
@@ -135,7 +135,7 @@ impl CacheState {
             .extract_if(.., |of| !is_held_up(of))
             .collect::<Vec<_>>()
         {
-            let direction = if client == Client::FrameRead {
+            let direction = if client == Requester::FrameRead {
                 Direction::Read
             } else {
                 Direction::Write
@@ -343,7 +343,7 @@ impl<'a> ImmediateMachine<'a> {
             let done = self.reads.next();
             self.memory.request(
                 self.now,
-                Client::FrameRead,
+                Requester::FrameRead,
                 Direction::Read,
                 self.lines.bytes(line),
                 &done,
@@ -413,7 +413,7 @@ impl<'a> ImmediateMachine<'a> {
         }
         self.memory.request(
             written,
-            Client::FrameWrite,
+            Requester::FrameWrite,
             Direction::Write,
             words,
             &self.words.next(),
@@ -432,7 +432,7 @@ impl<'a> ImmediateMachine<'a> {
             self.resolve[0].instances[0].until = begun + cycles + waited;
             self.memory.request(
                 written + waited,
-                Client::FrameWrite,
+                Requester::FrameWrite,
                 Direction::Write,
                 words,
                 &self.words.next(),

@@ -8,7 +8,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::SortKind;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Queue, Sorter, Tile, Timing};
-use rtl_model::timing::{Client, Detail, EarlyTermination, limit, limits, replay, replay_all};
+use rtl_model::timing::{Detail, EarlyTermination, Requester, limit, limits, replay, replay_all};
 use rtl_model::work::Event;
 
 /// This many splats on one pixel, the whole picture, and the pixel's final fragments.
@@ -574,7 +574,7 @@ fn sorted(kind: SortKind, sorter: Sorter, scene: &Scene) -> (u64, [u64; 2]) {
         .filter(|unit| unit.name == "sort")
         .map(|unit| unit.account.busy)
         .sum();
-    (busy, replayed.memory.bytes[Client::Sort as usize])
+    (busy, replayed.memory.bytes[Requester::Sort as usize])
 }
 
 /// Worked out by hand: runs of the network, its stages, ⌈log2(n/network)⌉·n cycles of merging
@@ -673,7 +673,7 @@ fn more_sorters_are_never_slower_on_memory_without_limits() {
         let bytes = |entries: u32| {
             let replayed =
                 of(&|sorter: &mut Sorter| sorter.buffer_entries = entries.max(sorter.network));
-            replayed.memory.bytes[Client::Sort as usize]
+            replayed.memory.bytes[Requester::Sort as usize]
                 .iter()
                 .sum::<u64>()
         };

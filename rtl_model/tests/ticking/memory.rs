@@ -9,7 +9,7 @@
 //! is ideal memory.
 
 use rtl_model::machine::timing::Memory as Description;
-use rtl_model::timing::{CLIENTS, Client, Direction};
+use rtl_model::timing::{Direction, REQUESTERS, Requester};
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -80,8 +80,8 @@ pub struct Traffic {
     /// Cycles in which any data was moved.
     pub busy: u64,
     /// By requester, read and written.
-    pub bytes: [[u64; 2]; CLIENTS.len()],
-    pub bursts: [u64; CLIENTS.len()],
+    pub bytes: [[u64; 2]; REQUESTERS.len()],
+    pub bursts: [u64; REQUESTERS.len()],
     pub row_hits: u64,
 }
 
@@ -153,7 +153,7 @@ impl Memory {
     pub fn request(
         &mut self,
         when: u64,
-        client: Client,
+        client: Requester,
         direction: Direction,
         bytes: Range<u64>,
         done: &Done,
@@ -163,11 +163,11 @@ impl Memory {
         self.traffic.bytes[client as usize][direction as usize] += bytes.end - bytes.start;
         self.traffic.bursts[client as usize] += (bytes.end - bytes.start) / burst;
         let turn = match client {
-            Client::Splats => 0,
-            Client::Binning | Client::Sort | Client::Lists => 1,
-            Client::FrameWrite => 2,
-            Client::FrameRead => 3,
-            Client::Environment => 4,
+            Requester::Splats => 0,
+            Requester::Binning | Requester::Sort | Requester::Lists => 1,
+            Requester::FrameWrite => 2,
+            Requester::FrameRead => 3,
+            Requester::Environment => 4,
         };
         self.issued += 1;
         // Consecutive lines go to consecutive channels; a channel's own lines are contiguous.

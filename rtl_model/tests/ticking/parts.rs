@@ -4,7 +4,7 @@
 use super::memory::{Done, MAP, Memory, Requests, SPLATS, Traffic};
 use super::scene::{LitFragment, Scene};
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace};
-use rtl_model::timing::{Account, Client, Direction};
+use rtl_model::timing::{Account, Direction, Requester};
 use rtl_model::work::{Event, Fate};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::RangeInclusive;
@@ -394,7 +394,7 @@ impl Texels {
         let (done, from) = (Done::default(), MAP + line as u64 * self.line_bytes);
         memory.request(
             now,
-            Client::Environment,
+            Requester::Environment,
             Direction::Read,
             from..from + self.line_bytes,
             &done,
@@ -468,7 +468,7 @@ impl<'a> SetupUnits<'a> {
             let bytes = (side * side) as u64 * u64::from(self.timing.map.unwrap().texel_bytes);
             memory.request(
                 now,
-                Client::Environment,
+                Requester::Environment,
                 Direction::Read,
                 MAP..MAP + bytes,
                 &done,
@@ -512,7 +512,7 @@ impl<'a> SetupUnits<'a> {
             let from = SPLATS + nth as u64 * burst;
             memory.request(
                 self.now,
-                Client::Splats,
+                Requester::Splats,
                 Direction::Read,
                 from..from + burst,
                 &self.requests.next(),

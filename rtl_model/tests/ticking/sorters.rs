@@ -11,7 +11,7 @@ use super::memory::{Done, LIST_BYTES, LISTS, Memory, Requests};
 use super::parts::TickedUnit;
 use rtl_model::elaboration::microarchitecture::SortShape;
 use rtl_model::elaboration::sorter::SorterShape;
-use rtl_model::timing::{Client, Direction};
+use rtl_model::timing::{Direction, Requester};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -135,7 +135,7 @@ impl Sorters {
                 for bytes in piece.stores {
                     memory.request(
                         now,
-                        Client::Sort,
+                        Requester::Sort,
                         Direction::Write,
                         bytes,
                         &sorter.stored.next(),
@@ -183,7 +183,7 @@ impl Sorters {
             let here = Done::default();
             memory.request(
                 now,
-                Client::Sort,
+                Requester::Sort,
                 Direction::Read,
                 piece.load.clone(),
                 &here,

@@ -25,7 +25,7 @@ const CURVATURE: f64 = 0.25;
 const GROUNDS: [&str; 4] = [
     "Assumed: e<i>, exp(-r/2) at the steps' ends (linear) or middles (nearest), to 2^-54; E, exp(-r/2) anywhere in a step, at most 1",
     "and, by its slope and curvature, at most this far below the chord h between a and b (linear), or from the middle's a (nearest).",
-    "Both are tested for every argument of the named machines: the_exponential_is_where_the_proofs_suppose_it.",
+    "Both are tested for every argument of the named machines: the_exponential_is_where_the_proofs_assume_it.",
     "The goal about a range: no word saturates.",
 ];
 

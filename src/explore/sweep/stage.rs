@@ -597,7 +597,7 @@ impl Replays {
             .unwrap_or_else(PoisonError::into_inner)
             .clone();
         let is_same = |known: &ReplayedWork, timing: &Microarchitecture| {
-            known.timing.keeps_time_as(timing) && known.work == *work
+            known.timing.same_cycles_as(timing) && known.work == *work
         };
         let known_of = |timing: &Microarchitecture| {
             known
@@ -614,7 +614,7 @@ impl Replays {
         for nth in (0..timings.len()).filter(|nth| all[*nth].is_none()) {
             same_as[nth] = new
                 .iter()
-                .position(|other| timings[*other].keeps_time_as(timings[nth]));
+                .position(|other| timings[*other].same_cycles_as(timings[nth]));
             if same_as[nth].is_none() {
                 same_as[nth] = Some(new.len());
                 new.push(nth);

@@ -1,19 +1,19 @@
-//! Map over the reals: exact texels beside the machine's, and how far the light between them may be
-//! off.
+//! Map over the reals: exact texels next to the machine's, and a bound of the light's error between
+//! them.
 //!
 //! ```text
-//! place off by d     light moves by at most d·(2^k − 1) times the greatest step between neighbours that the place may meet
-//! fraction           its rounding, and its limit, move the place by that part of a step
-//! light              texels: what their words lost; each line: its rounding
+//! coordinate off by d   light moves by at most d·(2^k − 1) times the greatest step between neighbouring texels in reach
+//! fraction              its rounding and its limit move the coordinate by that fraction of a step
+//! light                 texels: the error of their words; each interpolation: its rounding
 //! ```
-//! Whatever the place, light lies between the least and the greatest of the texels that it may
-//! meet: the lesser of both bounds holds.
+//! At any point, light is between the least and the greatest texel in reach. The smaller of both
+//! bounds is used.
 
 use super::Map;
 use crate::num::Fit;
 use crate::num::real::{loss, power_of_two};
 
-/// A map, and what its texels stand for.
+/// A map, and the exact values of its texels.
 #[derive(Clone, Debug)]
 pub struct RealMap {
     map: Map,
@@ -21,11 +21,11 @@ pub struct RealMap {
     held: Vec<[f64; 3]>,
 }
 
-/// The steps that a place along one axis may lie in, first and last.
+/// The first and the last step that can contain a coordinate.
 type Steps = [usize; 2];
 
 impl RealMap {
-    /// Of exact texels and the words in their places, row by row.
+    /// From exact texels and their words, row by row.
     pub fn new(map: &Map, exact: Vec<[f64; 3]>, words: &[[i64; 3]]) -> Self {
         let value = |word: i64| map.light.word.format.value(word);
         RealMap {
@@ -40,12 +40,12 @@ impl RealMap {
         &self.map.fraction
     }
 
-    /// The fit of a line.
+    /// The fit of an interpolation.
     pub fn light(&self) -> &Fit {
         &self.map.light
     }
 
-    /// The step that a place from 0 to 1 lies in, and how far.
+    /// The step that contains a coordinate from 0 to 1, and the fraction within it.
     pub fn step(&self, place: f64) -> (usize, f64) {
         let steps = (self.map.side() - 1) as f64;
         let exact = place.clamp(0.0, 1.0) * steps;
@@ -53,12 +53,12 @@ impl RealMap {
         (index as usize, exact - index)
     }
 
-    /// A texel, exact or as the machine has it.
+    /// A texel, exact or as the machine's word.
     pub fn texel(&self, held: bool, column: usize, row: usize) -> [f64; 3] {
         (if held { &self.held } else { &self.exact })[(row << self.map.index_bits) + column]
     }
 
-    /// Exact light at a place.
+    /// Exact light at a point.
     pub fn exact(&self, [u, v]: [f64; 2]) -> [f64; 3] {
         let ((column, right), (row, down)) = (self.step(u), self.step(v));
         std::array::from_fn(|i| {
@@ -72,13 +72,13 @@ impl RealMap {
         })
     }
 
-    /// How far the machine's light may be from the exact one, where its place lies in these limits.
+    /// Bound of the error of the machine's light, if its point is within these limits.
     pub fn error(&self, at: [f64; 2], low: [f64; 2], high: [f64; 2]) -> [f64; 3] {
         let steps = (self.map.side() - 1) as f64;
         let places = [0, 1].map(|axis| [self.step(low[axis]).0, self.step(high[axis]).0]);
         let [down, up] = loss(self.map.fraction.word.round);
         let place = power_of_two(-self.map.fraction.word.format.frac_bits);
-        // In steps; a fraction that is rounded up stays at most 1.
+        // In steps. A fraction that is rounded up is at most 1.
         let moved = [0, 1].map(|axis| {
             let off = (at[axis].clamp(0.0, 1.0) - low[axis].clamp(0.0, 1.0))
                 .max(high[axis].clamp(0.0, 1.0) - at[axis].clamp(0.0, 1.0));
@@ -96,12 +96,12 @@ impl RealMap {
         std::array::from_fn(|i| {
             let slid = slope[0][i] * moved[0] + slope[1][i] * moved[1];
             let range = (most[i] - exact[i]).max(exact[i] - least[i]).max(0.0);
-            // Two lines, of which the second weighs what the first lost by at most 1.
+            // Two interpolations; the second scales the error of the first by at most 1.
             slid.min(range) + lost[i] + 2.0 * rounding + 1e-12 * most[i].abs()
         })
     }
 
-    /// What is known of the texels of some steps.
+    /// Texels in reach of these steps.
     fn met(&self, [columns, rows]: [Steps; 2]) -> Met {
         let mut met = Met {
             least: [f64::INFINITY; 3],
@@ -133,12 +133,12 @@ impl RealMap {
     }
 }
 
-/// Texels that a place may meet.
+/// Extremes of the texels in reach.
 struct Met {
     least: [f64; 3],
     most: [f64; 3],
     /// Greatest step between neighbours, along each axis.
     slope: [[f64; 3]; 2],
-    /// Most that a word lost.
+    /// Greatest error of a word.
     lost: [f64; 3],
 }

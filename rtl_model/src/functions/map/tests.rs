@@ -40,7 +40,7 @@ proptest! {
         let tap = &mut Tap::new(probe);
         let texels: Vec<[i64; 3]> = texels.into_iter().map(|texel| [texel; 3]).collect();
         let steps = (map.side() - 1) as f64;
-        // Of the step by its definition, not by its bits.
+        // The step by its definition, not by its bits.
         let [column, row] = place.map(|place| ((place as f64 / 4096.0 * steps).floor() as usize).min(map.side() - 2));
         let met: Vec<i64> = [0, 1].iter().flat_map(|down| [0, 1].map(|right| texels[(row + down) * map.side() + column + right][0])).collect();
         let [light, ..] = map.light(&texels, place, tap);

@@ -1,4 +1,4 @@
-//! How far a reciprocal may be from the real one.
+//! Bounds of the error of a reciprocal.
 
 use super::{NORMALISED_FRAC_BITS, Reciprocal};
 use crate::num::Fit;
@@ -6,11 +6,11 @@ use crate::num::real::{floor_log2, power_of_two};
 use crate::probe::{NoProbe, Tap};
 
 impl Reciprocal {
-    /// Result that the unit makes of a positive number that is no word: its mantissa is cut as a
-    /// word's would be.
+    /// Result of the unit for a positive real number. Its mantissa is truncated as a word's would
+    /// be.
     pub fn of(&self, x: f64) -> f64 {
         let exponent = floor_log2(x);
-        // At the top of its 62 bits, so that nothing is shifted.
+        // At the top of the 62 bits, so that it needs no shift.
         let operand = x * power_of_two(NORMALISED_FRAC_BITS - exponent);
         let (mantissa, _) = self.one(operand as i64, &mut Tap::new(&mut NoProbe));
         mantissa as f64 * power_of_two(-(self.bits as i32) - exponent)
@@ -21,7 +21,7 @@ impl Reciprocal {
         &self.result
     }
 
-    /// Greatest |1 − m·y₀| of a mantissa and its first guess, with u = 2^−bits.
+    /// Greatest |1 − m·y₀| for a mantissa and its initial estimate, with u = 2^−bits.
     ///
     /// The middle of a step is at most half a step from m, so 1 − m·y₀ ≤ 2^−(table_bits + 1);
     /// rounding y₀ moves it by m·u/2 ≤ u.
@@ -32,8 +32,8 @@ impl Reciprocal {
 
     /// Greatest |1 − x·(1/x)|, with u = 2^−bits.
     ///
-    /// It begins with [`Reciprocal::table_error`]. A Newton step squares what is left; its
-    /// correction is rounded by u/2, times m·y; its result by u/2, times m ≤ 2. The mantissa's cut
+    /// It starts at [`Reciprocal::table_error`]. A Newton step squares the error; its correction is
+    /// rounded by u/2, times m·y; its result by u/2, times m ≤ 2. The truncation of the mantissa
     /// counts once: x is at most u larger than m.
     pub fn relative_error(&self) -> f64 {
         let u = power_of_two(-(self.bits as i32));

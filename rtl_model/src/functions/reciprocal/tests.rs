@@ -1,4 +1,4 @@
-//! The reciprocal against the product that must be 1.
+//! The reciprocal, checked by its product with x, which must be 1.
 
 use super::*;
 use crate::num::lanes::Plain;
@@ -26,7 +26,7 @@ fn one(unit: &Reciprocal, x: i64) -> (i64, i64) {
     unit.one(x, &mut Tap::new(&mut NoProbe))
 }
 
-/// |1 − x·y·2^exponent|, and whether the mantissa is one.
+/// |1 − x·y·2^exponent|.
 fn error(x: i64, (y, exponent): (i64, i64), bits: u32, operand_frac_bits: i32) -> f64 {
     // x·y < 2^79; both powers of two are exact in f64.
     let product = i128::from(x) * i128::from(y);
@@ -59,8 +59,8 @@ fn holds(unit: &Reciprocal, x: i64, worst: &mut f64) {
     *worst = worst.max(error / bound);
 }
 
-/// Every mantissa, and one with a tail that the cut removes; tight: something comes within a factor
-/// of two of the bound.
+/// Every mantissa, and one with a tail that is truncated. The bound is tight: some errors come
+/// within a factor of two of it.
 #[test]
 fn a_reciprocal_is_within_its_bound() {
     for bits in 4..=12 {
@@ -81,7 +81,7 @@ fn a_reciprocal_is_within_its_bound() {
 }
 
 #[test]
-fn a_power_of_two_inverts_to_the_last_place_after_enough_steps() {
+fn a_power_of_two_inverts_to_the_last_bit_after_enough_steps() {
     let unit = unit(8, 2, 26, 10);
     for places in 0..48 {
         let (mantissa, exponent) = one(&unit, 1 << places);
@@ -115,8 +115,8 @@ proptest! {
         }
     }
 
-    /// The exponent that comes out, taken back, brings the operand's leading one to bit 61: m ∈ [1,
-    /// 2), and nothing of x is lost.
+    /// The resulting exponent, inverted, brings the leading one of the operand to bit 61: m ∈ [1,
+    /// 2), and x loses no bit.
     #[test]
     fn normalisation_restores_the_operand(x in 1..1i64 << 62, frac_bits in 0..=62i32) {
         let (_, exponent) = one(&unit(4, 1, 12, frac_bits), x);

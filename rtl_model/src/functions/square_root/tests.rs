@@ -1,4 +1,4 @@
-//! The reciprocal root against f64, which is exact enough by 20 bits.
+//! The reciprocal root, checked against f64, which is exact enough for 20 bits.
 
 use super::*;
 use crate::num::LANES;
@@ -57,7 +57,7 @@ fn holds(unit: &ReciprocalRoot, x: i64, worst: &mut f64) {
     *worst = worst.max(error / bound);
 }
 
-/// Every mantissa in both octaves, and one with a tail that the cut removes.
+/// Every mantissa in both octaves, and one with a tail that is truncated.
 #[test]
 fn a_reciprocal_root_is_within_its_bound() {
     for bits in 4..=11 {
@@ -78,7 +78,7 @@ fn a_reciprocal_root_is_within_its_bound() {
 }
 
 #[test]
-fn an_even_power_of_two_has_its_root_to_the_last_places() {
+fn an_even_power_of_two_has_its_root_to_the_last_bits() {
     let unit = unit(8, 2, 26, 10);
     for places in (0..48).step_by(2) {
         let (mantissa, exponent) = one(&unit, 1 << places);

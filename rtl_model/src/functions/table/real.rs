@@ -1,13 +1,14 @@
-//! How far a table may be from its function.
+//! Bounds of the error of a table.
 
 use super::Table;
 use crate::machine::Interpolation;
 use crate::num::Fit;
 use crate::num::real::{loss, power_of_two};
 
-/// Greatest distance of a table of unrounded words from a function of at most this |f'| and |f''|.
+/// Greatest distance between a table of unrounded words and a function with |f'| and |f''| up to
+/// these limits.
 ///
-/// Nearest: half a step of slope. Straight lines: h²/8 of curvature.
+/// Nearest: half a step times the slope. Linear: h²/8 times the curvature.
 pub fn between(interpolation: Interpolation, step: f64, slope: f64, curvature: f64) -> f64 {
     match interpolation {
         Interpolation::Nearest => slope * step / 2.0,
@@ -15,11 +16,11 @@ pub fn between(interpolation: Interpolation, step: f64, slope: f64, curvature: f
     }
 }
 
-/// Greatest distance of a table, before its result is fitted, from a function of at most this |f'|
-/// and |f''|.
+/// Greatest distance between a table, before its result is fitted, and a function with |f'| and
+/// |f''| up to these limits.
 ///
-/// To [`between`] comes half a place by which a word is rounded: a point between two words is off
-/// by no more than the worse of them.
+/// The rounding of a word adds half an ulp to [`between`]: an interpolated point is off by at most
+/// the larger error of its two words.
 pub fn error(
     fit: &Fit,
     interpolation: Interpolation,
@@ -32,7 +33,7 @@ pub fn error(
 }
 
 impl Table {
-    /// Value in the table at a part of its range, from 0 to below 1, that may be no argument's:
+    /// Value of the table at a position in [0, 1) of its range, which need not be an argument;
     /// before the result is fitted.
     pub fn at(&self, part: f64) -> f64 {
         let steps = self.words.len() as f64;
@@ -43,28 +44,28 @@ impl Table {
             * power_of_two(-self.fit.word.format.frac_bits)
     }
 
-    /// The width of a step, as a part of the table's whole range.
+    /// The width of a step, as a share of the table's whole range.
     pub fn step(&self) -> f64 {
         1.0 / self.words.len() as f64
     }
 }
 
-/// A table of x^exponent over [0, 1], and how far each of its steps is from that.
+/// A table of x^exponent over [0, 1], and the error of each of its steps.
 #[derive(Clone, Debug)]
 pub struct Power {
     table: Table,
     exponent: f64,
-    /// Of each step, the result's fit included.
+    /// Per step, including the fit of the result.
     errors: Vec<f64>,
 }
 
 impl Power {
-    /// From the words that the machine holds, once a frame.
+    /// From the words of the machine, once per frame.
     ///
-    /// Over a step the table is a line (a level one where nearest) and x^s is convex, or concave
-    /// where s < 1: they are farthest apart at the step's ends or where x^s has the line's slope,
-    /// at x = (slope/s)^(1/(s − 1)). That counts the words' rounding too; the fit of the result
-    /// adds its own, where there is anything between words to round.
+    /// Over a step the table is a line (a constant one for nearest) and x^s is convex, or concave
+    /// if s < 1. They are farthest apart at the ends of the step or where x^s has the slope of the
+    /// line, at x = (slope/s)^(1/(s − 1)). This includes the rounding of the words. The fit of the
+    /// result adds its own rounding if the table interpolates.
     pub fn new(table: Table, exponent: f64) -> Self {
         let place = power_of_two(-table.fit.word.format.frac_bits);
         let is_line = table.fraction_bits > 0 && table.words.iter().any(|[_, delta]| *delta != 0);
@@ -78,8 +79,8 @@ impl Power {
             let [word, rise] = table.words[i].map(|word| word as f64 * place);
             let start = i as f64 * width;
             let steepest = (rise / width / exponent).powf((exponent - 1.0).recip());
-            // No number where the function is constant or straight: then it is farthest from the
-            // line at an end, which `max` keeps.
+            // NaN if the function is constant or a line. Then the distance is greatest at an end,
+            // and `max` discards the NaN.
             let points = [start, start + width, steepest.max(start).min(start + width)];
             let apart = |x: f64| (x.powf(exponent) - (word + rise * (x - start) / width)).abs();
             points.map(apart).into_iter().fold(0.0, f64::max) + down.max(up) * place
@@ -97,13 +98,13 @@ impl Power {
         &self.table
     }
 
-    /// x^exponent, of the end that is nearer where x lies outside [0, 1].
+    /// x^exponent, with x limited to [0, 1].
     pub fn exact(&self, x: f64) -> f64 {
         x.clamp(0.0, 1.0).powf(self.exponent)
     }
 
-    /// y = s·d/x: within d of x, x^s changes by at most itself times e^y − 1. Infinite where s is
-    /// below 1 or x not above 0, of which that is not true.
+    /// With y = s·d/x: within d of x, x^s changes by at most x^s·(e^y − 1). Infinite where this
+    /// does not hold: if s < 1 or x ≤ 0.
     pub fn growth(&self, x: f64, distance: f64) -> f64 {
         if self.exponent >= 1.0 && x > 0.0 {
             self.exponent * distance / x
@@ -112,7 +113,7 @@ impl Power {
         }
     }
 
-    /// Greatest distance of the table's word from the function, between two arguments.
+    /// Greatest distance between the table's word and the function, between two arguments.
     pub fn error(&self, low: f64, high: f64) -> f64 {
         let steps = self.errors.len();
         let step = |x: f64| ((x * steps as f64) as usize).min(steps - 1);

@@ -1,4 +1,5 @@
-//! Tables against a second way to the exponential, and against the bounds of interpolation.
+//! Tables, checked against a second computation of the exponential and against the bounds of
+//! interpolation.
 
 use super::*;
 use crate::elaboration::Elaboration;
@@ -13,8 +14,8 @@ fn fraction_product(a: u128, b: u128) -> u128 {
     a1 * b1 + ((a1 * b0) >> 64) + ((a0 * b1) >> 64) + (middle >> 64)
 }
 
-/// e^(−numerator / 2^shift) with 128 fraction bits, right to about 2^−115: the alternating series
-/// at 1/256 of the argument, squared eight times.
+/// e^(−numerator / 2^shift) with 128 fraction bits, accurate to about 2^−115: the alternating
+/// series at 1/256 of the argument, squared eight times.
 fn exponential(numerator: u64, shift: u32) -> u128 {
     assert!(numerator > 0);
     let x = u128::from(numerator) << (120 - shift);
@@ -49,9 +50,9 @@ fn the_exponential_is_right_to_two_to_the_minus_54() {
     }
 }
 
-/// Half a last place, and 2^−50 for the oracle's and the series' own errors.
+/// Half an ulp, and 2^−50 for the errors of the oracle and of the series.
 #[test]
-fn the_exponential_table_is_right_to_the_last_place() {
+fn the_exponential_table_is_right_within_half_an_ulp() {
     for (interpolation, index_bits, range_bits) in [
         (Interpolation::Nearest, 8, 2),
         (Interpolation::Linear, 8, 2),
@@ -81,8 +82,8 @@ fn the_exponential_table_is_right_to_the_last_place() {
     }
 }
 
-/// Nearest: half a step of slope at most ½. Linear: h²/8 of curvature at most ¼. Words and result
-/// are rounded to half a place each.
+/// Nearest: half a step times a slope of at most ½. Linear: h²/8 times a curvature of at most ¼.
+/// Words and result are rounded by half an ulp each.
 #[test]
 fn a_table_is_within_its_bound() {
     for (interpolation, index_bits, argument, frac_bits) in [
@@ -113,7 +114,7 @@ fn a_table_is_within_its_bound() {
     }
 }
 
-/// e^(−numerator / 2^shift) for any argument; 1 is short of itself by a last place.
+/// e^(−numerator / 2^shift) for any argument; 1 is one ulp less.
 fn exponential_or_one(numerator: u64, shift: u32) -> u128 {
     if numerator == 0 {
         u128::MAX
@@ -122,12 +123,12 @@ fn exponential_or_one(numerator: u64, shift: u32) -> u128 {
     }
 }
 
-/// What the proofs about the table take for granted (`splatsim machine prove`), for every argument
-/// that there is: the exponential at the steps' ends or middles is [`gaussian_words`] of 60 bits,
-/// give or take 2^−54; within a step it lies below the chord, or aside of the middle, by
-/// `real::between` at most.
+/// The assumptions of the proofs about the table (`splatsim machine prove`), for every possible
+/// argument. The exponential at the ends or middles of the steps is [`gaussian_words`] of 60 bits,
+/// within 2^−54. Within a step it is below the chord, or off the middle, by at most
+/// `real::between`.
 #[test]
-fn the_exponential_is_where_the_proofs_suppose_it() {
+fn the_exponential_is_where_the_proofs_assume_it() {
     for name in Machine::NAMES {
         let gauss = Machine::named(name).unwrap().gauss;
         let (
@@ -142,13 +143,13 @@ fn the_exponential_is_where_the_proofs_suppose_it() {
         // r/2 = half-steps / 2^shift.
         let shift = (index_bits as i32 + 2 - argument.int_bits) as u32;
         let middle = u64::from(interpolation == Interpolation::Nearest);
-        let known: Vec<u128> = (0..=1u64 << index_bits)
+        let ends_or_middles: Vec<u128> = (0..=1u64 << index_bits)
             .map(|i| exponential_or_one(2 * i + middle, shift))
             .collect();
         for (word, exact) in
             gaussian_words(index_bits, argument.int_bits, interpolation, EXP_FRAC_BITS)
                 .into_iter()
-                .zip(&known)
+                .zip(&ends_or_middles)
         {
             assert!(
                 (word as u64).abs_diff((exact >> (128 - EXP_FRAC_BITS)) as u64)
@@ -163,9 +164,9 @@ fn the_exponential_is_where_the_proofs_suppose_it() {
                 u128::from(r) & ((1 << fraction_bits) - 1),
             );
             let exact = exponential_or_one(r, argument.frac_bits as u32 + 1);
-            let (from, to) = (known[address], known[address + 1]);
+            let (from, to) = (ends_or_middles[address], ends_or_middles[address + 1]);
             let chord = from - ((from - to) >> fraction_bits) * fraction;
-            // The shift and the oracle's own errors leave less than 2^−100.
+            // The shift and the errors of the oracle are below 2^−100.
             let above = (chord.wrapping_sub(exact) as i128) as f64 * f64::from(-128).exp2();
             let aside = (from.wrapping_sub(exact) as i128) as f64 * f64::from(-128).exp2();
             let slack = f64::from(-100).exp2();
@@ -227,11 +228,11 @@ fn a_farther_point_never_weighs_more_on_a_named_machine() {
 #[test]
 fn a_table_that_cannot_be_built_is_refused() {
     let e = &mut Elaboration::default();
-    let asked = TableShape {
+    let requested = TableShape {
         index_bits: 13,
         interpolation: Interpolation::Linear,
     };
-    assert_eq!(shape(e, "gauss", "table", asked, 20).index_bits, 12);
+    assert_eq!(shape(e, "gauss", "table", requested, 20).index_bits, 12);
     assert_eq!(
         shape(
             e,
@@ -239,7 +240,7 @@ fn a_table_that_cannot_be_built_is_refused() {
             "table",
             TableShape {
                 index_bits: 9,
-                ..asked
+                ..requested
             },
             8
         )

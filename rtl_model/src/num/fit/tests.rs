@@ -1,4 +1,4 @@
-//! Fit against exact rationals written here, and against the crate `fixed`.
+//! Fit, checked against exact rationals computed here, and against the crate `fixed`.
 
 use super::*;
 use crate::num::Format;
@@ -12,7 +12,7 @@ use proptest::prelude::*;
 const ROUNDINGS: [Rounding; 3] = [Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven];
 const OVERFLOWS: [Overflow; 2] = [Overflow::Saturate, Overflow::Wrap];
 
-/// What `exact / 2^places` becomes, by division with remainder and by counting modulo 2^width.
+/// `exact / 2^places` as a word, by division with remainder and by counting modulo 2^width.
 fn oracle(exact: i64, places: i64, word: Word) -> (i64, Loss) {
     let exact = i128::from(exact);
     let (rounded, inexact) = if places <= 0 {
@@ -61,7 +61,7 @@ fn shape(frac_bits: i32) -> Exact {
     }
 }
 
-/// Every way into a word that allows `exact` agrees with the rational.
+/// Every function that accepts `exact` for this word agrees with the rational.
 fn agrees(fit: &Fit, exact: i64, more: i64) {
     let (word, loss) = oracle(exact, fit.places() + more, fit.word);
     assert_eq!(
@@ -108,8 +108,7 @@ fn agrees(fit: &Fit, exact: i64, more: i64) {
     }
 }
 
-/// All words up to eight bits, all modes, 13 places between finer by 4 and coarser by 8, all 11-bit
-/// results.
+/// All words up to eight bits, all modes, right shifts from −4 to 8, all results of 11 bits.
 #[test]
 fn fit_agrees_with_exact_rationals() {
     for width in 1..=8 {
@@ -168,7 +167,7 @@ fn words(width: std::ops::RangeInclusive<i32>) -> impl Strategy<Value = Word> {
         })
 }
 
-/// Exact results of up to 62 bits, short ones as often as long ones, and those at ties.
+/// Exact results of up to 62 bits: short ones as often as long ones, and ties.
 fn exacts() -> impl Strategy<Value = i64> {
     (any::<i64>(), 1..64u32, 0..62u32).prop_map(|(bits, unused, zeros)| {
         let long = bits >> unused;
@@ -205,7 +204,7 @@ proptest! {
         }
     }
 
-    /// Of every shape: results reach 2^bits.
+    /// Results of every shape, up to 2^bits.
     #[test]
     fn eight_narrow_words_equal_one(
         word in words(1..=31), bits in 1..=62i32, places in -31..=62i32, exact in prop::array::uniform8(exacts()), more in -20..=20i64,
@@ -226,10 +225,10 @@ proptest! {
     }
 
     #[test]
-    fn loss_is_told_truly(word in words(1..=48), exact in exacts(), places in -31..=62i32) {
+    fn loss_is_reported_exactly(word in words(1..=48), exact in exacts(), places in -31..=62i32) {
         let fit = Fit::new(0, word, shape(word.format.frac_bits + places));
         let (fitted, loss) = (fit.one(exact), fit.loss(exact, 0));
-        // Nothing is lost exactly where the word stands for the very same rational.
+        // There is no loss exactly if the word has the value of the rational.
         let same = if places >= 0 { i128::from(fitted) << places == i128::from(exact) } else { i128::from(exact) << -places == i128::from(fitted) };
         prop_assert_eq!(loss == Loss::default(), same);
         prop_assert!(!loss.saturated_low || fitted == word.format.min());
@@ -262,7 +261,8 @@ proptest! {
         let most = |v: FixedI64<U20>| v.to_num::<i64>();
         prop_assert_eq!(whole(Rounding::Truncate), most(source.floor()));
         prop_assert_eq!(whole(Rounding::NearestEven), most(source.round_ties_even()));
-        // The crate rounds ties away from zero, the machine up: they differ at negative ties only.
+        // The crate rounds ties away from zero, the machine rounds them up: they differ only at
+        // negative ties.
         let tie = bits < 0 && source.frac() == FixedI64::<U20>::from_num(0.5);
         prop_assert_eq!(whole(Rounding::Nearest), most(source.round()) + i64::from(tie));
     }

@@ -1,7 +1,8 @@
-//! Vector words are held to plain words, operation by operation; plain words to what the words say.
+//! Vector words, checked against plain words, operation by operation; plain words, checked against
+//! single words.
 
 use super::*;
-use crate::kernels::host::{Kernel, plainly, vectorised};
+use crate::kernels::host::{Kernel, unvectorised, vectorised};
 use crate::num::Lanes;
 use proptest::prelude::*;
 
@@ -11,7 +12,7 @@ type Row = [i64; LANES];
 struct Everything<'a> {
     words: [[i32; LANES]; 3],
     exacts: [Row; 2],
-    /// Of exact results; halved and quartered, of words.
+    /// Shifts of exact results; halved and quartered, of words.
     by: [i32; LANES],
     table: &'a [i32],
 }
@@ -19,7 +20,7 @@ struct Everything<'a> {
 impl Everything<'_> {
     fn of_words<W: Words>(&self) -> Vec<[i32; LANES]> {
         let [a, b, c] = self.words.map(W::from_array);
-        // Sums and magnitudes are words themselves.
+        // Sums and magnitudes must be words.
         let [half_a, half_b] = [a.right(1), b.right(1)];
         let by = self.by[0] as u32 & 31;
         let pairs: Vec<[i32; 2]> = self
@@ -118,7 +119,7 @@ impl Kernel for Everything<'_> {
     }
 }
 
-/// Powers of two, a step above and below, and any word.
+/// Powers of two, one more and one less, and any word.
 fn word() -> impl Strategy<Value = i32> {
     prop_oneof![
         any::<i32>(),
@@ -153,7 +154,7 @@ proptest! {
         exacts[1][equal] = exacts[0][equal];
         let table: Vec<i32> = (0..1 << table_bits).map(|i| i * 1_000_003 - 7).collect();
         let work = || Everything { words, exacts, by, table: &table };
-        let plain = plainly(work());
+        let plain = unvectorised(work());
         let vector = vectorised(work());
         for (operation, (vector, plain)) in vector.0.iter().zip(&plain.0).enumerate() {
             prop_assert_eq!(vector, plain, "operation {} of words", operation);
@@ -164,7 +165,7 @@ proptest! {
     }
 }
 
-/// All powers of two, and a little above and below.
+/// All powers of two, and a little more and less.
 #[test]
 fn leading_zeros_do_not_round() {
     struct LeadingZeros([i64; LANES]);
@@ -194,7 +195,7 @@ fn leading_zeros_do_not_round() {
 }
 
 #[test]
-fn plain_words_do_what_words_do() {
+fn plain_words_compute_what_single_words_do() {
     let (a, b) = (
         PlainWords([3, -3, 0, 7, i32::MAX, -1, 12, -64]),
         PlainWords([4, -4, 0, -7, 5, 1, 12, 64]),
@@ -228,7 +229,7 @@ fn plain_words_do_what_words_do() {
 }
 
 #[test]
-fn plain_results_are_cut_where_the_words_say() {
+fn plain_results_are_shifted_by_the_given_amounts() {
     let a = Plain([
         1 << 40,
         -1 << 40,

@@ -1,6 +1,6 @@
 use super::*;
 use crate::frame::{Aspect, Light, Lighting, Material, Scaled, View};
-use crate::kernels::host::{plainly, vectorised};
+use crate::kernels::host::{unvectorised, vectorised};
 use crate::machine::Machine;
 use crate::num::Word;
 use crate::num::lanes::Plain;
@@ -135,7 +135,7 @@ proptest! {
         let frame = Frame { width: 640, height: 480, view, splats, ..Frame::default() };
         let mut stages = Stages::new(&machine, &frame);
         let expected = by_graphs(&mut stages, &frame.splats, &mut Ranges::new(machine.signals.len()));
-        prop_assert_eq!(&plainly(ByKernel(&machine, &frame)), &expected);
+        prop_assert_eq!(&unvectorised(ByKernel(&machine, &frame)), &expected);
         prop_assert_eq!(&vectorised(ByKernel(&machine, &frame)), &expected);
         // Unobserved, in rows that were used before.
         prop_assert_eq!(&by_graphs(&mut stages, &frame.splats, &mut NoProbe), &expected);

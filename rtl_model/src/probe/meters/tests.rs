@@ -1,7 +1,7 @@
 use super::*;
 
-/// Few items are all in it; of many it has its share, wherever they lie: of each row of a picture,
-/// whatever its width.
+/// Few items are all in the sample. Of many items the sample has its share, at any position: of
+/// each row of a picture, whatever its width.
 #[test]
 fn a_sample_is_spread_evenly() {
     for of in 1..FEW {

@@ -1,4 +1,4 @@
-//! PartialPrecision against the machine's own fits and function units, word by word.
+//! PartialPrecision, checked against the machine's own fits and function units, word by word.
 
 use super::*;
 use crate::elaboration::Elaboration;
@@ -51,8 +51,7 @@ fn operands() -> impl Strategy<Value = i64> {
 }
 
 proptest! {
-    /// An exact result of up to 50 bits, anywhere between far below the last place and far above
-    /// the range.
+    /// An exact result of up to 50 bits, from far below the LSB to far above the range.
     #[test]
     fn all_on_a_fit_is_the_machines(word in words(), exact in -(1i64 << 50)..1 << 50, shift in 0..50, frac_bits in 0..40, exponent in -9..9) {
         let (exact, switches) = (exact >> shift, ON());
@@ -63,20 +62,20 @@ proptest! {
         prop_assert_eq!(PartialPrecision::new(value, &OFF()).fit(&fit, Scale::ONE).value, value);
     }
 
-    /// Reciprocals and roots of words are those of the units.
+    /// Reciprocals and roots of words equal those of the units.
     #[test]
     fn all_on_a_function_is_the_units((config, operand_frac_bits) in units(), x in operands()) {
         let e = &mut Elaboration::default();
         let reciprocal = Reciprocal::new(e, "test", "reciprocal", config, operand_frac_bits);
         let root = ReciprocalRoot::new(e, "test", "root", config, operand_frac_bits);
-        let nobody = &mut NoProbe;
-        let tap = &mut Tap::new(nobody);
+        let probe = &mut NoProbe;
+        let tap = &mut Tap::new(probe);
         let (value, bits, switches) = (x as f64 * power_of_two(-operand_frac_bits), config.bits as i32, ON());
         let mixed = PartialPrecision::new(value, &switches);
         let scientific = |(mantissa, exponent): (i64, i64)| mantissa as f64 * power_of_two(exponent as i32 - bits);
         prop_assert_eq!(mixed.reciprocal(&reciprocal).value, scientific(reciprocal.one(x, tap)));
         prop_assert_eq!(mixed.inverse_root(&root).value, scientific(root.one(x, tap)));
-        // √x of the unit's words: its mantissa times its inverse.
+        // √x from the unit's words: its mantissa times its inverse root.
         let error = mixed.root(&root).value / value.sqrt() - 1.0;
         prop_assert!(error.abs() <= root.relative_error(), "{error}");
     }
@@ -98,7 +97,7 @@ proptest! {
 }
 
 #[test]
-fn a_register_keeps_what_its_bits_can_tell() {
+fn a_register_keeps_its_value_modulo_its_range() {
     let on = ON();
     let register = Fit::new(
         3,

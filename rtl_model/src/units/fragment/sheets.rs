@@ -22,7 +22,7 @@ use super::{
 use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{self, Each};
 use crate::functions::{Table, table};
-use crate::kernels::{Accumulator, HostPath, NO_MATCH, PackedSlot, PackedSums, Tile};
+use crate::kernels::{Accumulator, HostPath, NO_MATCH, PackedSlot, PackedSums, PackedTile};
 use crate::machine::Machine;
 use crate::num::{Exact, Fit, three};
 use crate::probe::{Probe, Tap};
@@ -138,7 +138,7 @@ impl SheetDatapath {
 
 /// Whether a pixel accepts no more contributions.
 #[inline(always)]
-pub fn has_stopped<A: Accumulator>(tile: &Tile<A>, pixel: u8) -> bool {
+pub fn has_stopped<A: Accumulator>(tile: &PackedTile<A>, pixel: u8) -> bool {
     tile.live(pixel) > 0 && tile.key(pixel, 0) & STOPPED != 0
 }
 
@@ -166,7 +166,7 @@ impl Fragment {
     #[inline(always)]
     pub fn contribute_to_sheet<H: HostPath, P: Probe>(
         &self,
-        tile: &mut Tile<H::Accumulator>,
+        tile: &mut PackedTile<H::Accumulator>,
         pixel: u8,
         input: SheetInput,
         registers: &SheetRegisters,
@@ -236,7 +236,7 @@ impl Fragment {
     /// through.
     fn blend_sheet<A: Accumulator, P: Probe>(
         &self,
-        tile: &mut Tile<A>,
+        tile: &mut PackedTile<A>,
         pixel: u8,
         sums: &PackedSums<A>,
         registers: &SheetRegisters,
@@ -299,7 +299,7 @@ impl Fragment {
     /// Composes a pixel's sheets; `None` where it has none.
     pub fn composite<A: Accumulator, P: Probe>(
         &self,
-        tile: &Tile<A>,
+        tile: &PackedTile<A>,
         pixel: u8,
         registers: &SheetRegisters,
         tap: &mut Tap<P>,

@@ -259,7 +259,7 @@ fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(
 ) -> PixelTrace {
     let unit = rules.machine.elaborate().unwrap().fragment;
     let one = rules.machine.shade.premultiplied.format.one();
-    let mut tile = Box::<Tile<A>>::default();
+    let mut tile = Box::<PackedTile<A>>::default();
     let tap = &mut Tap::new(probe);
     contributions
         .iter()

@@ -10,7 +10,7 @@
 //! Law: `words_of_32_bits_walk_as_wide_ones_do`.
 
 use super::{BoxParts, EnteredBoxes, Input, Raster, Rows, SIDE_PX, Splats, first_bits, magnitude};
-use crate::num::register::Held;
+use crate::num::register::RegisterBits;
 use crate::num::{LANES, Lanes, Words, two};
 use crate::probe::{Probe, Tap};
 
@@ -201,7 +201,7 @@ impl ShortWalks {
 
 impl Raster {
     /// Whether words of 31 bits hold r less a cutoff, and every clamped depth.
-    pub fn is_short(&self, cutoff: Held) -> bool {
+    pub fn is_short(&self, cutoff: RegisterBits) -> bool {
         self.radial_register.read(cutoff) <= 1 << 30 && self.short_depth > 0
     }
 
@@ -214,7 +214,7 @@ impl Raster {
         size_px: [u32; 2],
         square: [u16; 2],
         inputs: &[&Input; LANES],
-        cutoff: Held,
+        cutoff: RegisterBits,
         tap: &mut Tap<P>,
     ) -> (ShortWalks, u8) {
         let splats = Splats::<L>::of(inputs);
@@ -313,7 +313,7 @@ impl Raster {
         walks: &ShortWalks,
         lane: usize,
         input: &Input,
-        cutoff: Held,
+        cutoff: RegisterBits,
         rows: &mut ShortRows,
         tap: &mut Tap<P>,
     ) -> bool {
@@ -414,7 +414,7 @@ impl Raster {
 
     /// The cutoff for [`Raster::short_fragments`], where [`Raster::is_short`].
     #[inline(always)]
-    pub fn short_cutoff<W: Words>(&self, cutoff: Held) -> W {
+    pub fn short_cutoff<W: Words>(&self, cutoff: RegisterBits) -> W {
         W::splat(self.radial_register.read(cutoff))
     }
 

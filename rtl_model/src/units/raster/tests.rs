@@ -141,7 +141,7 @@ fn drawn<P: Probe>(
     raster: &Raster,
     input: &Input,
     square: [u16; 2],
-    cutoff: Held,
+    cutoff: RegisterBits,
     probe: &mut P,
 ) -> (Walks, Span) {
     let tap = &mut Tap::new(probe);
@@ -471,7 +471,7 @@ fn drawn_short(
     raster: &Raster,
     input: &Input,
     square: [u16; 2],
-    cutoff: Held,
+    cutoff: RegisterBits,
 ) -> Option<Vec<(u8, [i64; 2])>> {
     if !raster.is_short(cutoff) {
         return None;
@@ -582,7 +582,7 @@ fn a_radial_index_below_zero_is_zero() {
     let raster = unit(&machine);
     let input = Input::default();
     let (walks, mut span) = drawn(&raster, &input, [0; 2], 1, &mut NoProbe);
-    let radial = |held: Held, span: &mut Span| {
+    let radial = |held: RegisterBits, span: &mut Span| {
         span.radial[0][0][0] = held;
         raster.fragments::<Plain>(&walks, LANE, span, [0; LANES])[0].0[0]
     };

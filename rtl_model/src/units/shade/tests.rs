@@ -2,7 +2,7 @@
 
 use super::lanes::Fragments;
 use super::*;
-use crate::kernels::host::{Kernel, plainly, vectorised};
+use crate::kernels::host::{Kernel, unvectorised, vectorised};
 use crate::num::{LANES, Lanes, Rounding, Word};
 use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
@@ -366,9 +366,9 @@ proptest! {
         let [first, second] = &mut seen;
         let forms = [
             vectorised(Eight { bench: &bench, inputs: &inputs, live, probe: &mut NoProbe }),
-            plainly(Eight { bench: &bench, inputs: &inputs, live, probe: &mut NoProbe }),
+            unvectorised(Eight { bench: &bench, inputs: &inputs, live, probe: &mut NoProbe }),
             vectorised(Eight { bench: &bench, inputs: &inputs, live, probe: first }),
-            plainly(Eight { bench: &bench, inputs: &inputs, live, probe: second }),
+            unvectorised(Eight { bench: &bench, inputs: &inputs, live, probe: second }),
         ];
         for (form, outputs) in forms.iter().enumerate() {
             prop_assert_eq!(&outputs[..count], &alone[..], "form {}", form);

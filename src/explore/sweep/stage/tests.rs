@@ -147,7 +147,7 @@ fn rows_of_one_frame_come_before_all_of_it_is_replayed() {
         numbers
     );
     let together: Vec<usize> = seen
-        .chunk_by(|a, b| a.1.keeps_time_as(&b.1))
+        .chunk_by(|a, b| a.1.same_cycles_as(&b.1))
         .map(<[_]>::len)
         .collect();
     assert!(

@@ -125,7 +125,7 @@ fn the_bound_of_accumulating_is_tight() {
         for seed in 0..4000 {
             let (own, exact, bound, count) = pixel.accumulated(&mut Rng::new(seed));
             for lane in 0..SUMS {
-                uses[usize::from(count > 1)][lane].see(used(
+                uses[usize::from(count > 1)][lane].add(used(
                     own[lane],
                     exact[lane],
                     bound[lane],
@@ -238,7 +238,7 @@ fn the_bound_of_merging_is_tight() {
             for (own, exact, bound) in pixel.merged(&mut Rng::new(seed)) {
                 let used = used(own, exact, bound, &seed);
                 if bound.error > place {
-                    of_slot.see(used);
+                    of_slot.add(used);
                 }
             }
         }

@@ -43,7 +43,11 @@ fn rules() -> frame::Sheets {
 /// Decision of the unit on each contribution to one pixel, and the composite.
 fn drawn(sheets: &frame::Sheets, contributions: &[SheetContribution]) -> (Vec<Decision>, [f64; 4]) {
     let machine = Machine::named("volume").unwrap().elaborate().unwrap();
-    let (unit, mut tile, probe) = (&machine.fragment, Box::<Tile<i64>>::default(), &mut NoProbe);
+    let (unit, mut tile, probe) = (
+        &machine.fragment,
+        Box::<PackedTile<i64>>::default(),
+        &mut NoProbe,
+    );
     let registers = unit.sheets(sheets);
     let tap = &mut Tap::new(probe);
     let decisions = contributions.iter().map(|(sheet, weight, rgb)| {

@@ -98,7 +98,7 @@ fn the_bound_of_blending_is_tight() {
                 for (own, exact, bound) in blend(&mut Rng::new(seed), &machine, layers, 0) {
                     let used = used(own, exact, bound, &seed);
                     if bound.error >= place {
-                        of_frame.see(used);
+                        of_frame.add(used);
                     }
                 }
             }

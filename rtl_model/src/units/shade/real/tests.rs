@@ -363,7 +363,7 @@ fn the_bound_of_shading_is_tight() {
                 for channel in 0..4 {
                     let used = used(own[channel], exact[channel], bound[channel], &means);
                     if bound[channel].error > place {
-                        uses[usize::from(scene.lit)].see(used);
+                        uses[usize::from(scene.lit)].add(used);
                     }
                 }
             }
@@ -383,8 +383,8 @@ fn the_bound_of_shading_is_tight() {
 /// root, which seldom is as wrong as it can be.
 #[test]
 fn the_bound_of_each_step_is_tight() {
-    let see = |u: &mut Use, own: f64, bound: Near, what: &str| {
-        u.see(used(own, bound.value, bound, &what))
+    let add = |u: &mut Use, own: f64, bound: Near, what: &str| {
+        u.add(used(own, bound.value, bound, &what))
     };
     for name in Machine::NAMES {
         let mut uses = [Use::default(); 4];
@@ -421,7 +421,7 @@ fn the_bound_of_each_step_is_tight() {
                     shade,
                     &shade.rgb,
                 );
-                see(
+                add(
                     &mut uses[0],
                     shade.rgb.word.format.value(rgb),
                     bound,
@@ -430,7 +430,7 @@ fn the_bound_of_each_step_is_tight() {
 
                 let coverage = shade.coverage(&registers, weight, exponent, tap);
                 let bound = shade.real_coverage(&bench.lighting, whole);
-                see(
+                add(
                     &mut uses[1],
                     shade.coverage.word.format.value(coverage),
                     bound,
@@ -454,7 +454,7 @@ fn the_bound_of_each_step_is_tight() {
                 };
                 let cosine = shade.cosine(normal, bench.words.lights[0].direction, tap);
                 let light = bench.lighting.lights[0];
-                see(
+                add(
                     &mut uses[2],
                     shade.cosine.word.format.value(cosine),
                     shade.real_cosine(&n, light.direction),
@@ -480,7 +480,7 @@ fn the_bound_of_each_step_is_tight() {
                 let bound = shade
                     .real_cosine(&n, light.half_way.unwrap())
                     .at_most(1.0 - shade.cosine.word.format.value(1));
-                see(&mut uses[3], highlight, bound.power(power), "highlight");
+                add(&mut uses[3], highlight, bound.power(power), "highlight");
             }
         }
         assert!(

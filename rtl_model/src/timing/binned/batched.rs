@@ -1,21 +1,21 @@
-//! Abreast: up to eight machines draw the same tiles side by side, a machine a lane.
+//! Batched: up to eight machines replay the same tiles, one machine per lane.
 //!
 //! ```text
-//! each machine by itself ─► from when on an entry is here ─┐                                  ┌─► list: its place is free again
-//!                     the entry's stamps, gone through once┴─► raster ─► gauss ─► fragment ───┴─► tile done ─► resolve
-//!                                                              eight at a time
+//! each machine separately ─► arrival of an entry ──┐                                  ┌─► list: its place is free again
+//!                the entry's stamps, read once ────┴─► raster ─► gauss ─► fragment ───┴─► tile done ─► resolve
+//!                                                         eight machines at a time
 //! ```
-//! They may differ in all that leaves the order of their stamps alone: latencies, FIFOs, memory,
-//! what is infinitely fast. Lists, memory, shade and resolve are those of [`super`]; raster, gauss
-//! and fragment take a stamp on eight machines at once, by the same rules as the units of
-//! `stages.rs`. Nothing here is hardware: it is how the simulator keeps a host's vector units busy.
+//! The machines can differ in everything that does not change the order of their stamps: latencies,
+//! FIFOs, memory, infinitely fast units. Lists, memory, shade and resolve are those of [`super`].
+//! Raster, gauss and fragment take a stamp on eight machines at once, by the same rules as the
+//! units of `stages.rs`. This is not hardware, but lets the simulator use the host's vector units.
 //!
 //! Law: `a_batched_replay_equals_single_replays`.
 
 use super::super::account::{Account, Detail, Unit};
-use super::super::stages::{Held, light, merges_of};
+use super::super::stages::{FinalPixels, light, merges_of};
 use super::super::stamps::{Piece, Stamps};
-use super::{Engine, Listed, SecondPass, Tile};
+use super::{Engine, Listed, SecondPass, TileState};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::kernels::host::{Kernel, vectorised};
@@ -27,7 +27,7 @@ use rayon::prelude::*;
 use std::array;
 use std::collections::VecDeque;
 
-/// Whether two machines go through the same stamps in the same order, one tile at a time.
+/// Whether two machines have the same stamps in the same order, one tile at a time.
 fn are_alike(one: &Microarchitecture, other: &Microarchitecture) -> bool {
     let order = |t: &Microarchitecture| {
         (
@@ -40,22 +40,22 @@ fn are_alike(one: &Microarchitecture, other: &Microarchitecture) -> bool {
     order(one) == order(other)
 }
 
-/// Whether a machine can go abreast with others, through a frame that neither mirrors nor stops.
-fn can_go_abreast(timing: &Microarchitecture) -> bool {
+/// Whether a machine can be batched, for a frame without reflections and stops.
+fn can_be_batched(timing: &Microarchitecture) -> bool {
     timing.timing.organisation == Organisation::Binned && timing.is_single()
 }
 
-/// Fewer take as long one by one.
+/// Smaller batches are not faster than single replays.
 const FEWEST: usize = 4;
 
-/// Replays a frame on several machines: each takes as long as by itself.
+/// Replays a frame on several machines. The cycles of each are those of a single replay.
 pub fn replay_all(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Cycles> {
     let batches: Vec<Vec<usize>> = batches(timings, work, detail);
     let of_batch = |batch: &Vec<usize>| -> Vec<(usize, Cycles)> {
         let machines: Vec<&Microarchitecture> = batch.iter().map(|nth| timings[*nth]).collect();
         let cycles = match machines[..] {
             [one] => vec![replay(one, work, detail)],
-            _ => side_by_side(&machines, work, detail),
+            _ => replay_batch(&machines, work, detail),
         };
         batch.iter().copied().zip(cycles).collect()
     };
@@ -64,13 +64,13 @@ pub fn replay_all(timings: &[&Microarchitecture], work: &Work, detail: Detail) -
     all.into_iter().map(|(_, cycles)| cycles).collect()
 }
 
-/// Which machines go abreast, and which by themselves.
+/// Groups of machines for batches and for single replays.
 fn batches(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Vec<usize>> {
     let (mut batches, mut alone, mut left): (Vec<_>, Vec<usize>, Vec<usize>) = Default::default();
     let is_plain =
         timings.len() >= FEWEST && detail <= Detail::Accounts && !work.mirrors && !work.stops();
     for (nth, timing) in timings.iter().enumerate() {
-        if is_plain && can_go_abreast(timing) {
+        if is_plain && can_be_batched(timing) {
             left.push(nth)
         } else {
             alone.push(nth)
@@ -93,33 +93,33 @@ fn batches(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<V
     batches
 }
 
-/// Replays so many machines, at most eight.
-fn side_by_side(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Cycles> {
+/// Replays a batch of at most eight machines.
+fn replay_batch(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Cycles> {
     let lists = work.bins(timings[0].timing.tile.side_px as usize);
-    let held = Held::new(work);
-    let mut machines: Vec<Machine> = Vec::new();
+    let held = FinalPixels::new(work);
+    let mut machines: Vec<BatchedMachine> = Vec::new();
     for t in timings {
-        let known = machines
+        let written = machines
             .iter()
-            .find(|machine| machine.pass.t.lists_as(t, work.preshaded));
-        let listed = known.map_or_else(
+            .find(|machine| machine.pass.t.same_lists_as(t, work.preshaded));
+        let listed = written.map_or_else(
             || Listed::new(t, work, &lists, detail),
             |machine| machine.listed.clone(),
         );
         let engine = Engine::new(t, work, &held, listed.from, detail, 0);
         let pass = SecondPass::new(t, work, &lists, listed.from);
-        machines.push(Machine {
+        machines.push(BatchedMachine {
             listed,
             pass,
             engine,
         });
     }
-    let stamps = vectorised(Tiles {
+    let stamps = vectorised(BatchedTiles {
         machines: &mut machines,
         work,
         lists: &lists,
     });
-    let cycles = |machine: Machine| {
+    let cycles = |machine: BatchedMachine| {
         machine
             .listed
             .cycles(vec![machine.engine], stamps, None, detail)
@@ -134,33 +134,33 @@ fn side_by_side(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> 
         .collect()
 }
 
-/// One of them.
-struct Machine<'a> {
+/// A machine of the batch.
+struct BatchedMachine<'a> {
     listed: Listed<'a>,
     pass: SecondPass<'a>,
     engine: Engine<'a>,
 }
 
-/// All tiles; says how many stamps there were, and how many kept a pixel.
-struct Tiles<'m, 'a> {
-    machines: &'m mut [Machine<'a>],
+/// Replays all tiles; returns the number of stamps, and of those with a kept pixel.
+struct BatchedTiles<'m, 'a> {
+    machines: &'m mut [BatchedMachine<'a>],
     work: &'a Work,
     lists: &'a Bins,
 }
 
-impl Kernel for Tiles<'_, '_> {
+impl Kernel for BatchedTiles<'_, '_> {
     type Output = [u64; 2];
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> [u64; 2] {
-        let Tiles {
+        let BatchedTiles {
             machines,
             work,
             lists,
         } = self;
         let timings: Vec<&Microarchitecture> =
             machines.iter().map(|machine| machine.pass.t).collect();
-        let mut fill = Fill::<L>::new(&timings, work);
+        let mut fill = BatchedFill::<L>::new(&timings, work);
         let t = timings[0];
         let side = t.timing.tile.side_px;
         let mut walk = Stamps::new(work, t.timing.raster.lanes);
@@ -177,7 +177,7 @@ impl Kernel for Tiles<'_, '_> {
             .collect();
         let mut footprints = Vec::new();
         for place in turns {
-            let mut tiles: Vec<Tile> = machines
+            let mut tiles: Vec<TileState> = machines
                 .iter_mut()
                 .map(|machine| machine.pass.begin(&mut machine.engine, None))
                 .collect();
@@ -192,7 +192,7 @@ impl Kernel for Tiles<'_, '_> {
                 for (
                     nth,
                     (
-                        Machine {
+                        BatchedMachine {
                             listed,
                             pass,
                             engine,
@@ -217,7 +217,7 @@ impl Kernel for Tiles<'_, '_> {
             for (
                 nth,
                 (
-                    Machine {
+                    BatchedMachine {
                         listed,
                         pass,
                         engine,
@@ -230,30 +230,30 @@ impl Kernel for Tiles<'_, '_> {
                 pass.resolve(engine, tile, None, &mut listed.memory);
             }
         }
-        for (nth, Machine { engine, .. }) in machines.iter_mut().enumerate() {
-            fill.raster.put(nth, &mut engine.fill.raster);
-            fill.gauss.put(nth, &mut engine.fill.gauss);
-            fill.fragment.put(nth, engine.merge.first_unit());
+        for (nth, BatchedMachine { engine, .. }) in machines.iter_mut().enumerate() {
+            fill.raster.set_state(nth, &mut engine.fill.raster);
+            fill.gauss.set_state(nth, &mut engine.fill.gauss);
+            fill.fragment.set_state(nth, engine.merge.first_unit());
             engine.merge.light += fill.light[nth];
         }
         fill.stamps
     }
 }
 
-/// What each machine says, a lane each; where there are fewer, the last ones say it again.
+/// One value per machine and lane. The last machine fills the remaining lanes.
 fn of_lanes<T>(machines: &[T], of: impl Fn(&T) -> u64) -> [i64; LANES] {
     array::from_fn(|lane| of(&machines[lane.min(machines.len() - 1)]) as i64)
 }
 
-/// Where there are fewer machines, the last one's time again.
+/// Fills the remaining lanes with the time of the last machine.
 fn repeat(of_lanes: &mut [i64; LANES], machines: usize) {
     let last = of_lanes[machines - 1];
     of_lanes[machines..].fill(last);
 }
 
 /// A unit of each machine, and its cycles.
-struct Abreast<L> {
-    /// All bits: items hold it; none: it is infinitely fast.
+struct BatchedUnit<L> {
+    /// Mask of cycles: 0 for a unit that is infinitely fast.
     held: L,
     free: L,
     busy: L,
@@ -263,14 +263,14 @@ struct Abreast<L> {
     items: u64,
 }
 
-impl<L: Lanes> Abreast<L> {
+impl<L: Lanes> BatchedUnit<L> {
     fn new(timings: &[&Microarchitecture], name: &'static str) -> Self {
         let held = of_lanes(
             timings,
             |t| if t.lifted == Some(name) { 0 } else { u64::MAX },
         );
         let none = L::splat(0);
-        Abreast {
+        BatchedUnit {
             held: L::from_array(held),
             free: none,
             busy: none,
@@ -281,8 +281,8 @@ impl<L: Lanes> Abreast<L> {
         }
     }
 
-    /// Takes an item that is here, with what it needs from memory, with no hazard any more, and
-    /// with room, each moment the latest so far; it holds the unit for so many cycles.
+    /// Takes an item by the cycle in which it has arrived, its data has, its hazard has ended, and
+    /// there is room, each the maximum so far. The item occupies the unit for `cycles`.
     #[inline(always)]
     fn hold(&mut self, [here, with_memory, unblocked, now]: [L; 4], items: u64, cycles: L) {
         let cycles = cycles & self.held;
@@ -294,8 +294,8 @@ impl<L: Lanes> Abreast<L> {
         self.items += items;
     }
 
-    /// Tells a unit of one machine what it did.
-    fn put(&self, lane: usize, unit: &mut Unit) {
+    /// Sets the state of a unit of one machine.
+    fn set_state(&self, lane: usize, unit: &mut Unit) {
         let of = |lanes: L| lanes.to_array()[lane] as u64;
         let account = Account {
             busy: of(self.busy),
@@ -303,34 +303,35 @@ impl<L: Lanes> Abreast<L> {
             blocked: of(self.blocked),
             memory: of(self.memory),
         };
-        unit.put(of(self.free), self.items, account, of(self.hazard));
+        unit.set_state(of(self.free), self.items, account, of(self.hazard));
     }
 }
 
-/// The places behind a unit of each machine, as [`Places`](super::super::account::Places) has them.
-struct Places<L> {
-    /// By an item's number, and by machine: from when on its place is free again.
+/// The places behind a unit of each machine, like
+/// [`UnitPlaces`](super::super::account::UnitPlaces).
+struct BatchedPlaces<L> {
+    /// By item index and machine, the cycle from which its place is free again.
     free: Vec<[i64; LANES]>,
     mask: usize,
-    /// How many there are, and what leads from an item's first word to that of the item so many
-    /// before it.
+    /// Number of places, and the offset from an item's first word to that of the item `room` items
+    /// earlier.
     room: [i64; LANES],
     back: L,
-    /// How many, where all have as many.
+    /// Number of places, if all machines have the same.
     even: Option<usize>,
     claimed: usize,
     given: usize,
-    /// Of each machine, items that nothing comes of and that had to wait: from when on the place of
-    /// each is free, and how many there are.
+    /// Per machine, items without a result that stalled: the cycles from which their places are
+    /// free again, and their number.
     vanishing: [VecDeque<i64>; LANES],
     vanishing_items: [i64; LANES],
 }
 
-impl<L: Lanes> Places<L> {
+impl<L: Lanes> BatchedPlaces<L> {
     fn new(room: [i64; LANES]) -> Self {
         let most = room.into_iter().fold(1, i64::max) as usize;
         let size = most.next_power_of_two();
-        Places {
+        BatchedPlaces {
             free: vec![[0; LANES]; size],
             mask: size - 1,
             room,
@@ -348,9 +349,9 @@ impl<L: Lanes> Places<L> {
         }
     }
 
-    /// The first cycle in which one is free beside those that vanish.
+    /// The first cycle in which a place is free besides those of items that vanish.
     #[inline(always)]
-    fn free_beside(&self, vanishing: L) -> L {
+    fn free_except(&self, vanishing: L) -> L {
         let first = L::splat((self.claimed * LANES) as i64) + self.back;
         (first + vanishing.left(LANES.ilog2())).look_up(self.free.as_flattened())
     }
@@ -359,19 +360,19 @@ impl<L: Lanes> Places<L> {
     fn free(&self) -> L {
         match self.even {
             Some(room) => L::from_array(self.free[self.claimed.wrapping_sub(room) & self.mask]),
-            None => self.free_beside(L::splat(0)),
+            None => self.free_except(L::splat(0)),
         }
     }
 
-    /// Where one is free beside those that vanish.
+    /// Where a place is free besides those of items that vanish.
     #[inline(always)]
     fn are_free(&self, now: L, vanishing: L) -> L {
-        let late = self.free_beside(vanishing).above(now);
+        let late = self.free_except(vanishing).above(now);
         let some = L::from_array(self.room).above(vanishing);
         some - (some & late)
     }
 
-    /// The first cycle from this one on in which one is free.
+    /// The first cycle from `now` on in which a place is free.
     #[inline(always)]
     fn free_from(&mut self, now: L) -> L {
         let taken = L::splat(-1) - self.are_free(now, L::from_array(self.vanishing_items));
@@ -383,8 +384,8 @@ impl<L: Lanes> Places<L> {
         L::from_array(free)
     }
 
-    /// The same where on some machines it matters which have vanished by now; when it is where all
-    /// have is known.
+    /// [`Self::free_from`] if on some machines it matters which items have vanished by now. `free`
+    /// has the cycles for the case that all have.
     #[inline(never)]
     fn free_late(&mut self, now: &[i64; LANES], free: &mut [i64; LANES], mut taken: u8) {
         while taken != 0 {
@@ -392,12 +393,12 @@ impl<L: Lanes> Places<L> {
             taken &= taken - 1;
             self.forget_vanished(lane, now[lane]);
             if self.vanishing_items[lane] > 0 {
-                free[lane] = self.free_beside_left(lane, now[lane]);
+                free[lane] = self.free_except_left(lane, now[lane]);
             }
         }
     }
 
-    /// Those that have vanished on a machine by now have no place any more.
+    /// Removes the items of a machine that have vanished by now.
     #[inline(always)]
     fn forget_vanished(&mut self, lane: usize, now: i64) {
         let left = &mut self.vanishing_items[lane];
@@ -409,24 +410,25 @@ impl<L: Lanes> Places<L> {
         }
     }
 
-    /// The first cycle from this one on in which one is free on a machine, beside those that have
-    /// not vanished, as [`Places::free_from`](super::super::account::Places::free_from) finds it.
-    fn free_beside_left(&self, lane: usize, now: i64) -> i64 {
+    /// The first cycle from `now` on in which a place is free on a machine, besides those of items
+    /// that have not vanished, as in
+    /// [`UnitPlaces::free_from`](super::super::account::UnitPlaces::free_from).
+    fn free_except_left(&self, lane: usize, now: i64) -> i64 {
         let (mut at, mut left) = (now, self.vanishing_items[lane]);
-        if self.given_beside(lane, left) <= now {
+        if self.given_except(lane, left) <= now {
             return now;
         }
         for again in &self.vanishing[lane] {
-            let given = self.given_beside(lane, left).max(at);
+            let given = self.given_except(lane, left).max(at);
             if given <= *again {
                 return given;
             }
             (at, left) = (*again, left - 1);
         }
-        self.given_beside(lane, left).max(at)
+        self.given_except(lane, left).max(at)
     }
 
-    fn given_beside(&self, lane: usize, vanishing: i64) -> i64 {
+    fn given_except(&self, lane: usize, vanishing: i64) -> i64 {
         let places = self.room[lane] - vanishing;
         if places <= 0 {
             i64::MAX
@@ -435,7 +437,7 @@ impl<L: Lanes> Places<L> {
         }
     }
 
-    /// One that vanishes was taken on a machine; its place is free again from this cycle on.
+    /// Records an item that vanishes on a machine. Its place is free again from `from` on.
     fn vanish(&mut self, lane: usize, from: i64) {
         self.vanishing[lane].push_back(from);
         self.vanishing_items[lane] += 1;
@@ -453,23 +455,23 @@ impl<L: Lanes> Places<L> {
     }
 }
 
-/// A piece that was taken: until when it is under way on each machine, its pixels, and where what
-/// was taken of its strip before lies.
+/// A piece in flight: its end on each machine, its pixels, and the index of the previous piece of
+/// its strip.
 #[derive(Clone, Copy, Default)]
-struct Taken {
+struct BatchedPiece {
     until: [i64; LANES],
     before: u32,
     pixels: u16,
 }
 
-/// Pixels under way, as [`Hazards`](super::super::hazards::Hazards) has them.
-struct Hazards {
-    last: Vec<Taken>,
-    before: Vec<Taken>,
+/// Pixels in flight, like [`Hazards`](super::super::hazards::Hazards).
+struct BatchedHazards {
+    last: Vec<BatchedPiece>,
+    before: Vec<BatchedPiece>,
     turn: usize,
 }
 
-impl Hazards {
+impl BatchedHazards {
     fn new(timings: &[&Microarchitecture], work: &Work) -> Self {
         let columns = (work.width as usize).div_ceil(TILE_PX);
         let under_way = timings
@@ -477,15 +479,15 @@ impl Hazards {
             .map(|t| super::super::hazards::most_under_way(t))
             .max()
             .unwrap_or(1);
-        let last = vec![Taken::default(); columns * work.height as usize];
-        Hazards {
+        let last = vec![BatchedPiece::default(); columns * work.height as usize];
+        BatchedHazards {
             last,
-            before: vec![Taken::default(); under_way],
+            before: vec![BatchedPiece::default(); under_way],
             turn: 0,
         }
     }
 
-    /// As long as a piece is under way on any machine, what was taken before it is kept.
+    /// While a piece is in flight on any machine, the pieces before it are kept.
     #[inline(always)]
     fn until<L: Lanes>(&self, stamp: &[Piece], now: L) -> L {
         let mut until = now;
@@ -510,7 +512,7 @@ impl Hazards {
         for piece in stamp {
             let last = &mut self.last[piece.strip as usize];
             self.before[self.turn] = *last;
-            *last = Taken {
+            *last = BatchedPiece {
                 until: until.to_array(),
                 before: self.turn as u32,
                 pixels: piece.pixels,
@@ -525,44 +527,44 @@ impl Hazards {
 }
 
 /// Raster, gauss and fragment of all machines.
-struct Fill<'a, L> {
+struct BatchedFill<'a, L> {
     timings: Vec<&'a Microarchitecture>,
-    raster: Abreast<L>,
-    gauss: Abreast<L>,
-    fragment: Abreast<L>,
-    behind_raster: Places<L>,
-    behind_gauss: Places<L>,
-    hazards: Hazards,
-    /// Latencies, and for how long a pixel is under way.
+    raster: BatchedUnit<L>,
+    gauss: BatchedUnit<L>,
+    fragment: BatchedUnit<L>,
+    behind_raster: BatchedPlaces<L>,
+    behind_gauss: BatchedPlaces<L>,
+    hazards: BatchedHazards,
+    /// Latencies, and the cycles for which a pixel is in flight.
     latencies: [L; 3],
     hazard: L,
-    /// When the buffer of the tile is free.
+    /// The cycle from which the buffer of the tile is free.
     room: L,
-    /// When all that was taken is written.
+    /// The cycle in which all taken stamps are written.
     written: L,
-    /// For how long merges of each waited for light.
+    /// Cycles for which the merges of each machine stalled for light.
     light: [u64; LANES],
     stamps: [u64; 2],
 }
 
-/// When things of an entry are ready.
-struct Entry<L> {
+/// Cycles of an entry.
+struct BatchedEntry<L> {
     here: L,
     memory: L,
 }
 
-impl<'a, L: Lanes> Fill<'a, L> {
+impl<'a, L: Lanes> BatchedFill<'a, L> {
     fn new(timings: &[&'a Microarchitecture], work: &Work) -> Self {
         let latency =
             |of: fn(&Microarchitecture) -> u32| L::from_array(of_lanes(timings, |t| of(t).into()));
-        Fill {
+        BatchedFill {
             timings: timings.to_vec(),
-            raster: Abreast::new(timings, unit::RASTER),
-            gauss: Abreast::new(timings, unit::GAUSS),
-            fragment: Abreast::new(timings, unit::FRAGMENT),
-            behind_raster: Places::new(of_lanes(timings, |t| t.raster.room() as u64)),
-            behind_gauss: Places::new(of_lanes(timings, |t| t.gauss.room() as u64)),
-            hazards: Hazards::new(timings, work),
+            raster: BatchedUnit::new(timings, unit::RASTER),
+            gauss: BatchedUnit::new(timings, unit::GAUSS),
+            fragment: BatchedUnit::new(timings, unit::FRAGMENT),
+            behind_raster: BatchedPlaces::new(of_lanes(timings, |t| t.raster.room() as u64)),
+            behind_gauss: BatchedPlaces::new(of_lanes(timings, |t| t.gauss.room() as u64)),
+            hazards: BatchedHazards::new(timings, work),
             latencies: [
                 latency(|t| t.raster.latency),
                 latency(|t| t.gauss.latency),
@@ -576,12 +578,12 @@ impl<'a, L: Lanes> Fill<'a, L> {
         }
     }
 
-    /// A tile begins.
+    /// Begins a tile.
     fn begin(&mut self, room: &[i64; LANES], written: &[i64; LANES]) {
         (self.room, self.written) = (L::from_array(*room), L::from_array(*written));
     }
 
-    /// The part of a footprint that lies in a tile; says when raster takes it.
+    /// The part of a footprint in a tile; returns the cycle in which raster takes it.
     #[inline(always)]
     fn footprint(
         &mut self,
@@ -589,10 +591,10 @@ impl<'a, L: Lanes> Fill<'a, L> {
         footprint: &Footprint,
         (corner, side): ([u16; 2], u32),
         [here, memory]: [L; 2],
-        machines: &mut [Machine],
+        machines: &mut [BatchedMachine],
     ) -> L {
         let stamps = walk.footprint(footprint, corner, side);
-        let entry = Entry { here, memory };
+        let entry = BatchedEntry { here, memory };
         let mut first_taken = L::splat(i64::MAX);
         let mut gone_through = 0;
         for stamp in walk.kept() {
@@ -612,9 +614,14 @@ impl<'a, L: Lanes> Fill<'a, L> {
         first_taken
     }
 
-    /// A stamp that keeps a pixel; says when raster takes it.
+    /// A stamp with a kept pixel; returns the cycle in which raster takes it.
     #[inline(always)]
-    fn stamp(&mut self, stamp: &[Piece], entry: &Entry<L>, machines: &mut [Machine]) -> L {
+    fn stamp(
+        &mut self,
+        stamp: &[Piece],
+        entry: &BatchedEntry<L>,
+        machines: &mut [BatchedMachine],
+    ) -> L {
         let one = L::splat(1);
         let here = self.raster.free.max(entry.here);
         let with_memory = here.max(entry.memory);
@@ -640,9 +647,9 @@ impl<'a, L: Lanes> Fill<'a, L> {
         taken
     }
 
-    /// Fragment takes a stamp that is here from this cycle on; says when.
+    /// Fragment takes a stamp that arrives at `here`; returns the cycle.
     #[inline(always)]
-    fn merge(&mut self, stamp: &[Piece], here: L, machines: &mut [Machine]) -> L {
+    fn merge(&mut self, stamp: &[Piece], here: L, machines: &mut [BatchedMachine]) -> L {
         let here = self.fragment.free.max(here);
         let unblocked = self.hazards.until(stamp, here);
         let now = unblocked.max(self.room);
@@ -661,27 +668,27 @@ impl<'a, L: Lanes> Fill<'a, L> {
         now
     }
 
-    /// Merges of a stamp, with so many fragments to shade, machine by machine: for how long each is
-    /// held, and when each has written those that it takes then.
+    /// Merges of a stamp with fragments to shade, machine by machine: the cycles for which each is
+    /// occupied, and the cycle in which its merges are written.
     #[inline(never)]
     fn merges(
         &mut self,
         cycles: &mut [i64; LANES],
         written: &mut [i64; LANES],
         [merges, lit]: [u64; 2],
-        machines: &mut [Machine],
+        machines: &mut [BatchedMachine],
     ) {
         for (lane, t) in self.timings.iter().enumerate() {
             let latency = u64::from(t.fragment.latency);
             let now = written[lane] as u64;
-            let asked = now + 1;
-            let light = light(&mut machines[lane].engine.merge.shade, t, asked, lit);
-            self.light[lane] += light - asked;
+            let requested = now + 1;
+            let light = light(&mut machines[lane].engine.merge.shade, t, requested, lit);
+            self.light[lane] += light - requested;
             if t.lifted == Some(unit::FRAGMENT) {
                 written[lane] = (now + latency) as i64;
                 continue;
             }
-            // It takes nothing until the merges before have ended.
+            // It takes nothing until the previous merges have ended.
             let merged = light + merges * u64::from(t.timing.fragment.merge);
             cycles[lane] = (merged - now).max(1) as i64;
             written[lane] = (merged - 1 + latency) as i64;
@@ -690,22 +697,22 @@ impl<'a, L: Lanes> Fill<'a, L> {
         repeat(written, self.timings.len());
     }
 
-    /// Stamps that keep nothing; says when raster takes the first.
+    /// Stamps without a kept pixel; returns the cycle in which raster takes the first.
     #[inline(always)]
-    fn empty_stamps(&mut self, entry: &Entry<L>, stamps: u64) -> L {
+    fn empty_stamps(&mut self, entry: &BatchedEntry<L>, stamps: u64) -> L {
         let here = self.raster.free.max(entry.here);
         let with_memory = here.max(entry.memory);
-        // Where so many have room, whatever comes next has: in each cycle one of them vanishes, and
-        // one stamp comes at most.
+        // If this many have room, a run never stalls: one of them vanishes and at most one arrives
+        // per cycle.
         let has_run = self
             .behind_raster
             .are_free(with_memory, self.latencies[0] - L::splat(1));
-        let waits = (self.raster.held - (self.raster.held & has_run)).signs();
+        let stalled = (self.raster.held - (self.raster.held & has_run)).signs();
         let cycles = L::splat(stamps as i64) & self.raster.held;
         let (mut first, mut end) = (with_memory, with_memory + cycles);
-        if waits != 0 {
+        if stalled != 0 {
             let (mut first_of, mut end_of) = (first.to_array(), end.to_array());
-            self.waiting_stamps(&mut first_of, &mut end_of, stamps, waits);
+            self.stalled_stamps(&mut first_of, &mut end_of, stamps, stalled);
             (first, end) = (L::from_array(first_of), L::from_array(end_of));
         }
         self.raster.hold(
@@ -716,27 +723,27 @@ impl<'a, L: Lanes> Fill<'a, L> {
         first
     }
 
-    /// The same on machines that do not always have room: says when raster takes the first, and
-    /// when it is free.
+    /// [`Self::empty_stamps`] on machines without room in every cycle: returns the cycle in which
+    /// raster takes the first, and the one in which it is free.
     #[inline(never)]
-    fn waiting_stamps(
+    fn stalled_stamps(
         &mut self,
         first: &mut [i64; LANES],
         end: &mut [i64; LANES],
         stamps: u64,
-        waits: u8,
+        stalled: u8,
     ) {
         let places = &mut self.behind_raster;
         let waiting = self
             .timings
             .iter()
             .enumerate()
-            .filter(|(lane, _)| waits & (1 << lane) != 0);
+            .filter(|(lane, _)| stalled & (1 << lane) != 0);
         for (lane, t) in waiting {
             end[lane] = first[lane];
             for nth in 0..stamps {
                 places.forget_vanished(lane, end[lane]);
-                let now = places.free_beside_left(lane, end[lane]);
+                let now = places.free_except_left(lane, end[lane]);
                 places.vanish(lane, now + i64::from(t.raster.latency));
                 first[lane] = if nth == 0 { now } else { first[lane] };
                 end[lane] = now + 1;
