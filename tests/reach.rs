@@ -10,7 +10,7 @@ use rtl_model::frame::{Frame, Kernel};
 use rtl_model::pipeline::{Elaborated, draw_measured, draw_unobserved, unit_replay};
 use rtl_model::probe::NoProbe;
 use rtl_model::timing::{self, Detail};
-use rtl_model::work::{Event, Fate, Footprint, TILE_PX, Work};
+use rtl_model::work::{CullReason, Event, Footprint, TILE_PX, Work};
 use serde_json::{Value, json};
 use splatsim::accuracy::{distance, lockstep};
 use splatsim::golden;
@@ -344,9 +344,13 @@ fn splats_too_faint_to_see_end_in_project() {
         (200..=240).contains(&machine),
         "{machine} of 400 are transparent"
     );
-    for (index, fate) in work.fates.iter().enumerate() {
-        if ![Fate::Near, Fate::Outside].contains(fate) {
-            assert_eq!(*fate == Fate::Transparent, index % 5 < 3, "{index}");
+    for (index, cull_reason) in work.cull_reasons.iter().enumerate() {
+        if ![CullReason::Near, CullReason::Outside].contains(cull_reason) {
+            assert_eq!(
+                *cull_reason == CullReason::Transparent,
+                index % 5 < 3,
+                "{index}"
+            );
         }
     }
     let led = lockstep(&scene, &elaborated, &quantised);

@@ -419,7 +419,8 @@ fn a_record_of_boxes_without_end_takes_no_memory() {
             .contains("its order leaves splats out")
     );
     assert!(
-        large(&|work| work.fates.truncate(1)).contains("its boxes are not those of its splats")
+        large(&|work| work.cull_reasons.truncate(1))
+            .contains("its boxes are not those of its splats")
     );
 }
 

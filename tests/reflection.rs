@@ -254,7 +254,7 @@ fn random_mirrors_keep_within_their_bounds_and_are_known_word_by_word() {
         let words = serde_json::to_string(&machine.reflect).unwrap();
         let elaborated = machine
             .elaborate()
-            .unwrap_or_else(|misfits| panic!("{words}: {misfits:?}"));
+            .unwrap_or_else(|errors| panic!("{words}: {errors:?}"));
         let quantised = quantise::quantise(&scene, &machine).unwrap();
         let Lockstep {
             violations, flips, ..
@@ -520,9 +520,9 @@ fn along_the_axis_no_slope_is_required() {
         drawn(&scene, &without(Sight::Axis)),
         drawn(&scene, &mirror(Sight::Axis))
     );
-    let misfits = without(Sight::Ray).elaborate().unwrap_err();
+    let errors = without(Sight::Ray).elaborate().unwrap_err();
     assert_eq!(
-        misfits,
+        errors,
         ["reflect.sight is `ray`, and it has no word reflect.slope: I2F14 would do"]
     );
 }
@@ -570,13 +570,13 @@ fn elaboration_errors_are_sentences() {
             .as_object_mut()
             .unwrap()
             .extend(change.as_object().unwrap().clone());
-        let misfits = serde_json::from_value::<Machine>(value)
+        let errors = serde_json::from_value::<Machine>(value)
             .unwrap()
             .elaborate()
             .unwrap_err();
         assert!(
-            misfits.iter().any(|misfit| misfit.contains(part)),
-            "{change}: {misfits:?}"
+            errors.iter().any(|error| error.contains(part)),
+            "{change}: {errors:?}"
         );
     }
 }

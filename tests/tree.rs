@@ -852,7 +852,7 @@ fn a_walk_reads_every_node_of_its_visits() {
             .iter()
             .find(|unit| unit.name == "fetch")
             .unwrap();
-        let (read, drawn) = (work.walk.len() as u64, work.fates.len() as u64);
+        let (read, drawn) = (work.walk.len() as u64, work.cull_reasons.len() as u64);
         assert!(drawn < 200 && read > drawn && drawn == coarse.splats.len() as u64);
         let [bytes, written] = cycles.memory.bytes[Requester::Splats as usize];
         let bursts: BTreeSet<u64> = work

@@ -151,7 +151,7 @@ fn the_machine_agrees_with_golden() {
 /// With no word in its format it is golden; with all words, the machine, bit for bit: a second
 /// implementation of every step.
 #[test]
-fn in_partial_precision_it_is_golden_and_the_machine() {
+fn in_mixed_precision_it_is_golden_and_the_machine() {
     for settings in VARIANTS {
         let machine = machine(settings);
         let elaborated = machine.elaborate().unwrap();

@@ -1,4 +1,4 @@
-//! PartialPrecision: draws a scene in mixed precision: some words of a machine are quantised, the
+//! MixedPrecision: draws a scene in mixed precision: some words of a machine are quantised, the
 //! others are f64.
 //!
 //! ```text
@@ -30,7 +30,7 @@ use rayon::prelude::*;
 use rtl_model::elaboration::{Signal, unit};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::real::walked;
-use rtl_model::real::{PartialPrecision, Switches};
+use rtl_model::real::{MixedPrecision, Switches};
 use rtl_model::units::raster::real::Input;
 use rtl_model::units::shade::real::{Lighting, Sums};
 use sheets::SheetPixels;
@@ -173,7 +173,7 @@ impl<'a> MixedDrawing<'a> {
                 self.machine
                     .real_set_up(&view, &splat, registers.ellipsoid(&hold, index).as_ref());
             let backface = self.scene.surface.cull_backfaces && ellipse.facing.value > 0.0;
-            let is_dark = |number: PartialPrecision| number.value == 0.0 || number.value.is_nan();
+            let is_dark = |number: MixedPrecision| number.value == 0.0 || number.value.is_nan();
             let faint = [
                 ellipse.facing,
                 splat.radius,
@@ -287,7 +287,7 @@ impl<'a> MixedDrawing<'a> {
     }
 }
 
-fn number(mixed: PartialPrecision) -> f64 {
+fn number(mixed: MixedPrecision) -> f64 {
     mixed.value
 }
 
@@ -298,19 +298,19 @@ struct FrameWords<'a> {
     z_threshold: f64,
     coverage_threshold: f64,
     opaque: f64,
-    lighting: Lighting<PartialPrecision<'a>>,
-    background: [PartialPrecision<'a>; 4],
+    lighting: Lighting<MixedPrecision<'a>>,
+    background: [MixedPrecision<'a>; 4],
     /// None if fragments are grouped by depth.
-    sheets: Option<SheetWords<'a, PartialPrecision<'a>>>,
+    sheets: Option<SheetWords<'a, MixedPrecision<'a>>>,
     /// None if fragments are not grouped by windows.
-    windows: Option<WindowWords<PartialPrecision<'a>>>,
+    windows: Option<WindowWords<MixedPrecision<'a>>>,
     shader: &'a Shader,
     switches: &'a Switches,
 }
 
 impl<'a> FrameWords<'a> {
-    fn word(&self, value: f64) -> PartialPrecision<'a> {
-        PartialPrecision::new(value, self.switches)
+    fn word(&self, value: f64) -> MixedPrecision<'a> {
+        MixedPrecision::new(value, self.switches)
     }
 }
 
@@ -370,10 +370,10 @@ impl<'a> Cover for FrameFootprint<'a> {
             f64::from(top) + 0.5 - half_px[1],
         ];
         let downwards =
-            machine.partial_precision_rows(&input, first, rows.start - top..rows.end - top);
+            machine.mixed_precision_rows(&input, first, rows.start - top..rows.end - top);
         for (y, row) in rows.zip(downwards) {
             for x in columns.clone() {
-                let [radial, depth] = machine.partial_precision_pixel(&row, f64::from(x - left));
+                let [radial, depth] = machine.mixed_precision_pixel(&row, f64::from(x - left));
                 if radial.value < frame.cutoff {
                     let weight = machine.real_weight(radial, word(footprint.amplitude)).value;
                     // A weight that rounds to 0 makes no fragment.
@@ -448,7 +448,7 @@ impl<'a> Painter for FragmentPixels<'a> {
     fn finish(&mut self, pixel: usize) -> [f64; 4] {
         let (frame, fragments) = (self.frame, &mut self.fragments[pixel]);
         fragments.sort_by(|a, b| a.z.total_cmp(&b.z));
-        let layers: Vec<[PartialPrecision; 4]> = fragments
+        let layers: Vec<[MixedPrecision; 4]> = fragments
             .drain(..)
             .map(|fragment| frame.light(&fragment))
             .collect();
@@ -516,7 +516,7 @@ impl<'a> FrameWords<'a> {
     }
 
     /// The operand of a merge: a shaded fragment is first stored in a slot.
-    fn stored(&self, fragment: &Fragment) -> [PartialPrecision<'a>; 4] {
+    fn stored(&self, fragment: &Fragment) -> [MixedPrecision<'a>; 4] {
         if fragment.shaded {
             self.light(fragment)
         } else {
@@ -525,7 +525,7 @@ impl<'a> FrameWords<'a> {
     }
 
     /// Premultiplied colour and opacity of a fragment.
-    fn light(&self, fragment: &Fragment) -> [PartialPrecision<'a>; 4] {
+    fn light(&self, fragment: &Fragment) -> [MixedPrecision<'a>; 4] {
         let Fragment {
             weight,
             rgb,

@@ -18,7 +18,7 @@ use rtl_model::num::Word;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::real::frame as real;
 use rtl_model::real::frame::{Ellipsoid, Orientation, Splat};
-use rtl_model::real::{Near, PartialPrecision, Real, Switches};
+use rtl_model::real::{MixedPrecision, Near, Real, Switches};
 use rtl_model::units::fragment;
 use rtl_model::units::fragment::sheets::real::Ratio;
 use rtl_model::units::fragment::window::WindowRegisters;
@@ -95,15 +95,15 @@ pub struct Chosen<'a> {
 }
 
 impl<'a> Hold for Chosen<'a> {
-    type Real = PartialPrecision<'a>;
+    type Real = MixedPrecision<'a>;
 
-    fn hold(&self, name: &'static str, value: f64, word: Word, held: i64) -> PartialPrecision<'a> {
+    fn hold(&self, name: &'static str, value: f64, word: Word, held: i64) -> MixedPrecision<'a> {
         let value = if self.inputs.contains(&name) {
             word.format.value(held)
         } else {
             value
         };
-        PartialPrecision::new(value, self.switches)
+        MixedPrecision::new(value, self.switches)
     }
 
     fn hold_scaled(
@@ -112,14 +112,14 @@ impl<'a> Hold for Chosen<'a> {
         value: f64,
         word: Word,
         held: Scaled,
-    ) -> PartialPrecision<'a> {
+    ) -> MixedPrecision<'a> {
         let Scaled { mantissa, places } = held;
         let value = if self.inputs.contains(&name) {
             word.format.value(mantissa) * (-(places as f64)).exp2()
         } else {
             value
         };
-        PartialPrecision::new(value, self.switches)
+        MixedPrecision::new(value, self.switches)
     }
 }
 

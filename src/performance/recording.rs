@@ -306,7 +306,7 @@ impl Replayed {
         let head = wrapped(&format!(
             "{scene} on {}: {} splats, {}×{}",
             machine.name,
-            work.fates.len(),
+            work.cull_reasons.len(),
             work.width,
             work.height
         ));

@@ -123,7 +123,7 @@ impl Path {
     }
 
     /// The longer of two parallel paths.
-    pub fn beside(self, other: Path) -> Path {
+    pub fn parallel(self, other: Path) -> Path {
         Path {
             cycles: self.cycles.max(other.cycles),
             delay: self.delay.max(other.delay),

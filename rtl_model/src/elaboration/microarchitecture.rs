@@ -1140,7 +1140,7 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Ela
             .chain(path.highest_clock(t.technology, 1))
             .min()
             .unwrap_or(u64::MAX);
-        e.misfits.push(format!(
+        e.errors.push(format!(
             "timing.clock_hz is {}, but {item} takes {unit} {}, and has one cycle: at most {} in {}",
             t.clock_hz,
             fo4(path.delay),

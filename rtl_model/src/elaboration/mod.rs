@@ -68,7 +68,7 @@ pub struct Elaboration {
     /// All parts.
     pub parts: Vec<Part>,
     /// Every elaboration error, one sentence each.
-    pub misfits: Vec<String>,
+    pub errors: Vec<String>,
     /// Copies of the parts that are being declared, and whether each lane has its own.
     copies: u32,
     per_lane: bool,
@@ -79,7 +79,7 @@ impl Default for Elaboration {
         Elaboration {
             signals: Vec::new(),
             parts: Vec::new(),
-            misfits: Vec::new(),
+            errors: Vec::new(),
             copies: 1,
             per_lane: false,
         }
@@ -108,7 +108,7 @@ impl Elaboration {
                 frac_bits: frac_bits.min(limit),
                 signed,
             };
-            self.misfits.push(format!(
+            self.errors.push(format!(
                 "{unit}.{name} is {word}, {} bits on a port that carries {limit}: {fits} would fit",
                 word.format.width()
             ));
@@ -228,14 +228,14 @@ impl Elaboration {
     pub fn fit(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
         let left = (word.format.frac_bits - from.frac_bits).max(0);
         if from.bits() > MAX_EXACT_BITS {
-            self.misfits.push(format!(
+            self.errors.push(format!(
                 "{unit}.{name} is made from an exact result of {} bits, but {MAX_EXACT_BITS} can be held: {} bits must be removed from its operands",
                 from.bits(),
                 from.bits() - MAX_EXACT_BITS
             ));
         }
         if left > 31 {
-            self.misfits.push(format!(
+            self.errors.push(format!(
                 "{unit}.{name} is {word}, {left} fraction bits finer than the result that it is made from: {} would hold all of it",
                 Format { frac_bits: from.frac_bits, ..word.format }.within(MAX_WIDTH_BITS)
             ));
@@ -320,7 +320,7 @@ impl Elaboration {
         most: u32,
     ) -> u32 {
         if !(least..=most).contains(&value) {
-            self.misfits.push(format!(
+            self.errors.push(format!(
                 "{unit}.{name} is {value}: {least} to {most} can be built"
             ));
         }
@@ -328,9 +328,9 @@ impl Elaboration {
     }
 
     /// Adds an elaboration error unless the condition holds.
-    pub fn require(&mut self, holds: bool, misfit: impl FnOnce() -> String) {
+    pub fn require(&mut self, holds: bool, error: impl FnOnce() -> String) {
         if !holds {
-            self.misfits.push(misfit());
+            self.errors.push(error());
         }
     }
 

@@ -148,7 +148,7 @@ impl Machine {
                 Some(bits.clamp(1, most))
             }
             (_, Some(bits)) => {
-                e.misfits.push(format!(
+                e.errors.push(format!(
                     "timing.sort.bucket_bits is {bits}, but sort.kind tile has no buckets: leave it out, or let sort.kind be hierarchical"
                 ));
                 None

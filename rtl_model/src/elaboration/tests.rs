@@ -248,18 +248,18 @@ fn a_sorter_that_cannot_be_is_refused() {
         ),
     ];
     for (machine, sentence) in cases {
-        let misfits = machine.elaborate().map(|_| ()).unwrap_err();
+        let errors = machine.elaborate().map(|_| ()).unwrap_err();
         assert!(
-            misfits.len() == 1 && misfits[0].starts_with(sentence),
-            "{sentence}: {misfits:?}"
+            errors.len() == 1 && errors[0].starts_with(sentence),
+            "{sentence}: {errors:?}"
         );
     }
-    let misfits = fast.elaborate().map(|_| ()).unwrap_err();
+    let errors = fast.elaborate().map(|_| ()).unwrap_err();
     assert!(
-        misfits.iter().any(
-            |misfit| misfit.contains("a sorter takes one of two entries in a cycle: at most 4")
-        ),
-        "{misfits:?}"
+        errors
+            .iter()
+            .any(|error| error.contains("a sorter takes one of two entries in a cycle: at most 4")),
+        "{errors:?}"
     );
     assert!(
         tile(sorter).elaborate().is_ok()

@@ -339,7 +339,7 @@ impl<'e> Builder<'e> {
 
     /// At least a last place, as a reciprocal, a root or a normaliser needs it; a place that is set
     /// costs a gate.
-    pub fn at_least_a_place(&mut self, from: Wire) -> Wire {
+    pub fn at_least_an_ulp(&mut self, from: Wire) -> Wire {
         self.alike(Operator::AtLeast(from, 1), from)
     }
 
@@ -350,7 +350,7 @@ impl<'e> Builder<'e> {
     }
 
     /// A last place more, by the carry of what reads it.
-    pub fn a_place_more(&mut self, from: Wire) -> Wire {
+    pub fn an_ulp_more(&mut self, from: Wire) -> Wire {
         let node = self.alike(Operator::APlaceMore(from), from);
         self.nodes[node.place()].shape.int_bits += 1;
         node

@@ -159,9 +159,10 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 Some(true) => -of(from),
                 Some(false) => of(from),
                 None => {
-                    let [turned] = of(by)
-                        .beside(0.0)
-                        .branch(of(by), || [of(from)], || [-of(from)]);
+                    let [turned] =
+                        of(by)
+                            .constant_like(0.0)
+                            .branch(of(by), || [of(from)], || [-of(from)]);
                     turned
                 }
             },
@@ -176,11 +177,11 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             Operator::AtMost(from, most) => of(from).at_most(value(most)),
             Operator::AtLeast(from, 0) => of(from).at_least(0.0),
             Operator::AtLeast(from, _) => match fit_of(nodes, from) {
-                Some(fit) => of(from).at_least_a_place(fit, scale(&nodes[from.place()].power)),
+                Some(fit) => of(from).at_least_an_ulp(fit, scale(&nodes[from.place()].power)),
                 None => of(from).at_least(last_place(from)),
             },
             Operator::APlaceMore(from) => match fit_of(nodes, from) {
-                Some(fit) => of(from).a_place_more(fit),
+                Some(fit) => of(from).an_ulp_more(fit),
                 None => of(from).plus(last_place(from)),
             },
             Operator::Scaled(from, places) => of(from).times(power_of_two(places)),

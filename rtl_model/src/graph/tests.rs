@@ -59,7 +59,7 @@ fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
         let finer = |from: Exact| word.format.frac_bits - from.frac_bits;
         let positive = |g: &mut Builder, wire: Wire| {
             let magnitude = g.magnitude(wire);
-            let positive = g.at_least_a_place(magnitude);
+            let positive = g.at_least_an_ulp(magnitude);
             g.known_natural(positive)
         };
         match kind % 14 {
@@ -90,7 +90,7 @@ fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
                 all.push(g.negated(lesser));
                 if word.format.width() < 31 {
                     all.extend([g.turned(greater, lesser), g.opposed(lesser, greater)]);
-                    let more = g.a_place_more(greater);
+                    let more = g.an_ulp_more(greater);
                     all.push(g.not_below_0(more));
                 }
             }

@@ -143,10 +143,10 @@ impl Machine {
             signals: std::mem::take(&mut e.signals),
             parts: std::mem::take(&mut e.parts),
         };
-        if e.misfits.is_empty() {
+        if e.errors.is_empty() {
             Ok(elaborated)
         } else {
-            Err(std::mem::take(&mut e.misfits))
+            Err(std::mem::take(&mut e.errors))
         }
     }
 

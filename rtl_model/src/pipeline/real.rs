@@ -5,7 +5,7 @@ use crate::functions::table::real::Power;
 use crate::num::two;
 use crate::pipeline::Elaborated;
 use crate::real::frame::{Ellipsoid, Splat, View};
-use crate::real::{Near, PartialPrecision, Real, Scale};
+use crate::real::{MixedPrecision, Near, Real, Scale};
 use crate::units::fragment::sheets;
 use crate::units::fragment::sheets::real::Ratio;
 use crate::units::shade::real::{Lighting, Sums};
@@ -128,23 +128,23 @@ impl Elaborated {
     }
 
     /// Registers at the first pixels of some rows of a box
-    /// ([`raster::Raster::partial_precision_rows`]).
-    pub fn partial_precision_rows<'a>(
+    /// ([`raster::Raster::mixed_precision_rows`]).
+    pub fn mixed_precision_rows<'a>(
         &self,
-        input: &raster::real::Input<PartialPrecision<'a>>,
+        input: &raster::real::Input<MixedPrecision<'a>>,
         first: [f64; 2],
         rows: Range<u32>,
     ) -> impl Iterator<Item = raster::real::Row<'a>> {
-        self.raster.partial_precision_rows(input, first, rows)
+        self.raster.mixed_precision_rows(input, first, rows)
     }
 
     /// r and z at some columns from the first pixel of a row.
-    pub fn partial_precision_pixel<'a>(
+    pub fn mixed_precision_pixel<'a>(
         &self,
         row: &raster::real::Row<'a>,
         columns: f64,
-    ) -> [PartialPrecision<'a>; 2] {
-        self.raster.partial_precision_pixel(row, columns)
+    ) -> [MixedPrecision<'a>; 2] {
+        self.raster.mixed_precision_pixel(row, columns)
     }
 
     /// The light that a splat sends which is lit before it is drawn, from its own colour and
@@ -156,7 +156,7 @@ impl Elaborated {
         normal: [R; 3],
         material: u32,
     ) -> [R; 3] {
-        let one = rgb[0].beside(1.0);
+        let one = rgb[0].constant_like(1.0);
         let (rgb, normal) = self.fragment.real_emitting(rgb, normal);
         let [r, g, b, _] = self.shade.real(
             lighting,

@@ -10,7 +10,7 @@
 //! function of its formats, derived step by step from the machine's own diagram. It also holds if
 //! something saturates on the way: a limit only shortens the interval.
 //!
-//! [`PartialPrecision`] makes only some of the losses, and makes them like the machine: it
+//! [`MixedPrecision`] makes only some of the losses, and makes them like the machine: it
 //! attributes an error to its causes.
 //!
 //! This is not hardware, and units do not depend on it. Only files called `real.rs`, and the files
@@ -20,10 +20,10 @@
 //! `a_power_is_within_its_bound`.
 
 pub mod frame;
-mod partial_precision;
+mod mixed_precision;
 
 pub use crate::num::real::{floor_log2, loss, power_of_two};
-pub use partial_precision::{PartialPrecision, Switches};
+pub use mixed_precision::{MixedPrecision, Switches};
 
 use crate::frame::Scaled;
 use crate::functions::map::real::RealMap;
@@ -116,7 +116,7 @@ pub trait Real:
     /// A constant that is exact on both sides.
     fn constant(value: f64) -> Self;
     /// A number that is exact on both sides, for the same machine as `self`.
-    fn beside(self, value: f64) -> Self;
+    fn constant_like(self, value: f64) -> Self;
     /// The sum with a constant that is exact on both sides.
     fn plus(self, constant: f64) -> Self;
     /// The product with a constant that is exact on both sides.
@@ -148,9 +148,9 @@ pub trait Real:
     /// Limits the machine side to one ulp below 1; the exact side has no limit.
     fn below_one(self, fit: &Fit) -> Self;
     /// Limits the machine side to at least one ulp of its word; the exact side has no limit.
-    fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self;
+    fn at_least_an_ulp(self, fit: &Fit, scale: Scale) -> Self;
     /// Adds one ulp of its word to the machine side.
-    fn a_place_more(self, fit: &Fit) -> Self;
+    fn an_ulp_more(self, fit: &Fit) -> Self;
     /// Selects one of two continuations, by whether this number is at least the limit. Each side
     /// decides separately.
     fn branch<const N: usize>(
@@ -391,7 +391,7 @@ impl Real for Near {
         Near::exact(value)
     }
 
-    fn beside(self, value: f64) -> Near {
+    fn constant_like(self, value: f64) -> Near {
         Near::exact(value)
     }
 
@@ -515,11 +515,11 @@ impl Real for Near {
         self.at_most(1.0 - power_of_two(-fit.word.format.frac_bits))
     }
 
-    fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Near {
+    fn at_least_an_ulp(self, fit: &Fit, scale: Scale) -> Near {
         self.at_least(power_of_two(scale.low - fit.word.format.frac_bits))
     }
 
-    fn a_place_more(self, fit: &Fit) -> Near {
+    fn an_ulp_more(self, fit: &Fit) -> Near {
         self.off_by(power_of_two(-fit.word.format.frac_bits))
     }
 

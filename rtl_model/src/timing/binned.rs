@@ -663,21 +663,23 @@ fn first_pass<'a>(
     };
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];
-    let mut fates = work.fates.iter().zip(0..).peekable();
+    let mut cull_reasons = work.cull_reasons.iter().zip(0..).peekable();
     // Splats that have left setup: the cycles in which bin can take them.
     let mut ahead = VecDeque::new();
     let (mut record_bursts, mut end) = (0, 0);
     for (nth, footprint) in work.footprints.iter().enumerate() {
         // Fetches before the cycle in which bin takes the next splat send their requests first, if
         // there is room.
-        while let Some((fate, index)) = fates.next_if(|(_, index)| match ahead.front() {
-            Some(here) => {
-                setup.is_scheduled()
-                    && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here)
-            }
-            None => true,
-        }) {
-            if let Some(here) = setup.splat(index, *fate, memory) {
+        while let Some((cull_reason, index)) =
+            cull_reasons.next_if(|(_, index)| match ahead.front() {
+                Some(here) => {
+                    setup.is_scheduled()
+                        && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here)
+                }
+                None => true,
+            })
+        {
+            if let Some(here) = setup.splat(index, *cull_reason, memory) {
                 ahead.push_back(here);
                 memory.forget(setup.fetched);
             }
@@ -718,8 +720,8 @@ fn first_pass<'a>(
         });
         end = end.max(when + 1);
     }
-    for (fate, index) in fates {
-        setup.splat(index, *fate, memory);
+    for (cull_reason, index) in cull_reasons {
+        setup.splat(index, *cull_reason, memory);
     }
     setup.end(memory);
     // The rest of the last records and of every list.

@@ -70,8 +70,8 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut merge = Merge::new(t, work, "cache", None, detail, 0);
     let mut touched: Vec<(u32, usize)> = Vec::new();
     let mut footprints = work.footprints.iter();
-    for (index, fate) in work.fates.iter().enumerate() {
-        let Some(here) = setup.splat(index as u64, *fate, &mut memory) else {
+    for (index, cull_reason) in work.cull_reasons.iter().enumerate() {
+        let Some(here) = setup.splat(index as u64, *cull_reason, &mut memory) else {
             continue;
         };
         let Some(footprint) = footprints.next() else {

@@ -16,7 +16,7 @@ use super::texels::Texels;
 use super::walk::TreeWalk;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
-use crate::work::{Fate, Footprint, NO_TEXEL, TILE_PX, Work};
+use crate::work::{CullReason, Footprint, NO_TEXEL, TILE_PX, Work};
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
@@ -151,7 +151,12 @@ impl<'a> SetUp<'a> {
 
     /// Replays a splat; returns the cycle in which it is done, if it is not culled.
     #[inline(always)]
-    pub fn splat(&mut self, index: u64, fate: Fate, memory: &mut Memory) -> Option<u64> {
+    pub fn splat(
+        &mut self,
+        index: u64,
+        cull_reason: CullReason,
+        memory: &mut Memory,
+    ) -> Option<u64> {
         let t = self.timing;
         let burst = u64::from(t.timing.memory.burst_bytes);
         let (needed, ready) = self.ready(index);
@@ -174,7 +179,7 @@ impl<'a> SetUp<'a> {
             self.bursts += 1;
         }
 
-        let goes_on = fate.leaves_project();
+        let goes_on = cull_reason.leaves_project();
         let room = if goes_on {
             self.project.behind.free()
         } else {
@@ -196,7 +201,7 @@ impl<'a> SetUp<'a> {
         }
         self.project.behind.take(now);
 
-        let goes_on = fate == Fate::Drawn;
+        let goes_on = cull_reason == CullReason::Drawn;
         let room = if goes_on {
             self.ellipse.behind.free()
         } else {

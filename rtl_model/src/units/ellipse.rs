@@ -65,7 +65,7 @@ pub fn path(machine: &Machine) -> Path {
         .product(bits(m.tilt), bits(m.tilt))
         .sum(2 * bits(m.tilt))
         .fit(bits(m.shape))
-        .beside(size_path(machine))
+        .parallel(size_path(machine))
         .product(bits(m.size_squared), bits(m.shape))
         .sum(bits(m.size_squared) + bits(m.shape))
         .fit(bits(m.variance))
@@ -821,7 +821,7 @@ fn turn(g: &mut Builder, machine: &Machine, [a, b]: [Wire; 2], n: [Wire; 3]) -> 
 fn sized(g: &mut Builder, machine: &Machine, w: &Wires) -> ([Wire; 3], Power) {
     let m = &machine.ellipse;
     let scaled = g.times(w.focal, w.radius);
-    let scaled = g.at_least_a_place(scaled);
+    let scaled = g.at_least_an_ulp(scaled);
     let [normalised] = g.normalised(scaled, [scaled], 1);
     let mantissa = g.fit("scaled_radius", m.scaled_radius, normalised);
     // k = mantissa · inverse_depth, where the product is in [½, 2] times their power.
@@ -889,7 +889,7 @@ fn footprint(
     let flat = g.is_none(determinant);
     g.drop_where(flat);
 
-    let positive = g.at_least_a_place(determinant);
+    let positive = g.at_least_an_ulp(determinant);
     let root = g.inverse_root("root", m.root, positive);
     let inverse = g.times(root, root);
     let inverse = g.fit("inverse", m.inverse, inverse);
@@ -905,10 +905,10 @@ fn footprint(
     let across = [xx, yy];
     let extent = |g: &mut Builder, axis: usize| {
         let reach = g.times(w.cutoff, across[axis]);
-        let reach = g.at_least_a_place(reach);
+        let reach = g.at_least_an_ulp(reach);
         let root = g.root("extent_root", m.extent_root, reach);
         let extent = g.fit_to("extent", m.extent, root, Power::ONE);
-        g.a_place_more(extent)
+        g.an_ulp_more(extent)
     };
     let width = extent(g, 0);
     let columns = side(g, w, 0, width);
@@ -976,7 +976,7 @@ fn depth_slope(
     (facing, across): (Wire, Wire),
 ) -> [Wire; 2] {
     let m = &machine.ellipse;
-    let across = g.at_least_a_place(across);
+    let across = g.at_least_an_ulp(across);
     let inverse = g.reciprocal("slope_reciprocal", m.slope_reciprocal, across);
     let scales = w.inverse_focals.iter().map(|inverse_focal| {
         let step = g.times(w.forward, *inverse_focal);

@@ -137,7 +137,7 @@ pub fn path(machine: &Machine) -> Path {
         .memory()
         .then(Path {
             cycles: product.cycles + matched.cycles,
-            ..product.beside(matched)
+            ..product.parallel(matched)
         })
         .sum(sum)
         .fit(sum)
@@ -230,7 +230,7 @@ pub fn stamp(machine: &Machine) -> Path {
         .choose(places)
         .choose(4)
         .choose(4);
-    near.beside(window::slot(machine))
+    near.parallel(window::slot(machine))
 }
 
 /// Merges two shaded fragments: the front over the back, and the result into a slot.

@@ -105,7 +105,7 @@ fn projected(g: &mut Builder, machine: &Machine) -> ([Wire; OUTPUTS], [Wire; BOU
         g.fit("camera", m.camera, turned)
     });
     let exponent = g.power(camera[2]);
-    let forward = g.at_least_a_place(camera[2]);
+    let forward = g.at_least_an_ulp(camera[2]);
     let ahead = g.not_below_0(camera[2]);
     let depth = g.fit_to("depth", m.depth, ahead, Power::ONE);
     let is_ahead = g.above(depth, near_plane);

@@ -299,7 +299,7 @@ pub fn stamp(machine: &Machine) -> Path {
         .sum(PIXEL_BITS)
         .choose(2);
     if cuts_boxes(machine) {
-        registers.beside(sides)
+        registers.parallel(sides)
     } else {
         registers
     }

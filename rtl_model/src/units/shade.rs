@@ -87,7 +87,7 @@ pub fn path(machine: &Machine) -> Path {
         .sum(bits(m.irradiance))
         .fit(bits(m.irradiance))
         .product(bits(m.rgb), bits(m.irradiance));
-    let prepared = reciprocal::path(m.reciprocal, bits(f.weight_sum)).beside(unit_normal);
+    let prepared = reciprocal::path(m.reciprocal, bits(f.weight_sum)).parallel(unit_normal);
     let lit = prepared
         .product(normal, bits(m.light))
         .sum_of_three(normal + bits(m.light))
@@ -95,14 +95,14 @@ pub fn path(machine: &Machine) -> Path {
         // Each has registers of its own, and coverage some.
         .then(Path {
             cycles: shining.cycles + lighting.cycles + SUM,
-            ..shining.beside(lighting)
+            ..shining.parallel(lighting)
         })
         .sum(bits(m.colour))
         .fit(bits(m.colour));
     let leaving = match &machine.reflect {
         None => lit,
         Some(m) => lit
-            .beside(prepared.then(reflect::way_to_light(machine, m)))
+            .parallel(prepared.then(reflect::way_to_light(machine, m)))
             .then(reflect::way_to_colour(machine, m)),
     };
     leaving

@@ -1,7 +1,7 @@
 //! Work: a compact record of the events of a frame, which timing replays.
 //!
 //! ```text
-//!                    ┌─ fates   cull reason of each splat                    1 byte per splat
+//!                    ┌─ reasons cull reason of each splat                    1 byte per splat
 //! frame ─► Recorder ─┼─ boxes   boxes of the drawn splats                    12 bytes per splat
 //!                    └─ tiles   kept pixels of each row                       2 bytes per row
 //!                               decisions on their contributions              2 bytes per splat, 3 for each but additions
@@ -22,7 +22,7 @@ pub const TILE_PX: usize = 16;
 
 /// Cull reason of a splat, or `Drawn`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Fate {
+pub enum CullReason {
     /// Not culled: it has a box.
     Drawn,
     /// At or in front of the near plane: culled in `project`.
@@ -39,10 +39,13 @@ pub enum Fate {
     Transparent,
 }
 
-impl Fate {
+impl CullReason {
     /// Whether the splat goes on from `project` to `ellipse`.
     pub fn leaves_project(self) -> bool {
-        !matches!(self, Fate::Near | Fate::Outside | Fate::Transparent)
+        !matches!(
+            self,
+            CullReason::Near | CullReason::Outside | CullReason::Transparent
+        )
     }
 }
 
@@ -232,7 +235,7 @@ pub struct Work {
     /// Rows.
     pub height: u32,
     /// Cull reason of each splat, in input order.
-    pub fates: Vec<Fate>,
+    pub cull_reasons: Vec<CullReason>,
     /// The drawn splats, in input order.
     pub footprints: Vec<Footprint>,
     /// Drawing order: indices among the drawn splats; empty for input order.
@@ -288,7 +291,7 @@ impl Work {
 
     /// Size in bytes.
     pub fn bytes(&self) -> usize {
-        self.fates.len()
+        self.cull_reasons.len()
             + 4 * (self.order.len() + self.keys.len())
             + size_of::<Footprint>() * self.footprints.len()
             + self.tiles.iter().map(Tile::bytes).sum::<usize>()
@@ -392,7 +395,7 @@ struct TileRecorder {
 pub struct Recorder {
     /// Drawn splats, and culled ones.
     footprints: Vec<Footprint>,
-    culled: Vec<(u32, Fate)>,
+    culled: Vec<(u32, CullReason)>,
     order: Vec<u32>,
     keys: Vec<u32>,
     preshaded: bool,
@@ -404,13 +407,13 @@ pub struct Recorder {
 }
 
 /// Cull reasons, in the order of the lanes of [`Recorder::culled`].
-pub const CULLED: [Fate; 6] = [
-    Fate::Near,
-    Fate::Outside,
-    Fate::Transparent,
-    Fate::Backface,
-    Fate::Faint,
-    Fate::Missing,
+pub const CULLED: [CullReason; 6] = [
+    CullReason::Near,
+    CullReason::Outside,
+    CullReason::Transparent,
+    CullReason::Backface,
+    CullReason::Faint,
+    CullReason::Missing,
 ];
 
 impl Recorder {
@@ -428,15 +431,15 @@ impl Recorder {
             mut tiles,
             now,
         } = self;
-        let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
-        for (splat, fate) in culled {
-            fates[splat as usize] = fate;
+        let mut cull_reasons = vec![CullReason::Drawn; footprints.len() + culled.len()];
+        for (splat, cull_reason) in culled {
+            cull_reasons[splat as usize] = cull_reason;
         }
         tiles.sort_by_key(|tile| [tile.corner[1], tile.corner[0]]);
         Work {
             width,
             height,
-            fates,
+            cull_reasons,
             footprints,
             order,
             keys,
@@ -484,11 +487,11 @@ impl Recorder {
 
     /// Those of eight splats that were not drawn, by [`CULLED`], the first splat in the LSB.
     pub fn culled(&mut self, first: u32, lanes: [u8; CULLED.len()]) {
-        for (lanes, fate) in lanes.into_iter().zip(CULLED) {
+        for (lanes, cull_reason) in lanes.into_iter().zip(CULLED) {
             self.culled.extend(
                 (0..8)
                     .filter(|lane| lanes & (1 << lane) != 0)
-                    .map(|lane| (first + lane, fate)),
+                    .map(|lane| (first + lane, cull_reason)),
             );
         }
     }

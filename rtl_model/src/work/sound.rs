@@ -3,7 +3,7 @@
 //! Laws (tests/recording.rs of the bench): `a_record_that_is_read_is_the_one_that_was_written`,
 //! `no_damage_is_taken_for_a_record`.
 
-use super::{Event, Fate, Footprint, Found, TILE_PX, Tile, Visit, Work};
+use super::{CullReason, Event, Footprint, Found, TILE_PX, Tile, Visit, Work};
 
 /// Greatest side of a picture, pixels.
 const MOST_PX: u32 = 16_384;
@@ -101,7 +101,7 @@ impl Work {
                 .map(|visit| visit.node)
         };
         require(
-            drawn().count() == self.fates.len(),
+            drawn().count() == self.cull_reasons.len(),
             "its walk draws other splats than there are",
         )?;
         let [mut walked, mut listed] = [drawn().collect::<Vec<u32>>(), self.listed.clone()];
@@ -114,16 +114,17 @@ impl Work {
     }
 
     fn check_splats(&self) -> Result<(), String> {
-        let is_drawn =
-            |footprint: &Footprint| self.fates.get(footprint.splat as usize) == Some(&Fate::Drawn);
+        let is_drawn = |footprint: &Footprint| {
+            self.cull_reasons.get(footprint.splat as usize) == Some(&CullReason::Drawn)
+        };
         let ascends = self
             .footprints
             .windows(2)
             .all(|pair| pair[0].splat < pair[1].splat);
         let drawn = self
-            .fates
+            .cull_reasons
             .iter()
-            .filter(|fate| **fate == Fate::Drawn)
+            .filter(|cull_reason| **cull_reason == CullReason::Drawn)
             .count();
         require(
             ascends && drawn == self.footprints.len() && self.footprints.iter().all(is_drawn),

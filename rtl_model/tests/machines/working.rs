@@ -7,7 +7,7 @@ use rtl_model::pipeline::{draw_measured, draw_unobserved, draw_with_decisions};
 use rtl_model::probe::Observer;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::units::resolve::Layer;
-use rtl_model::work::{Event, Fate, TILE_PX, Work};
+use rtl_model::work::{CullReason, Event, TILE_PX, Work};
 use rtl_model::{Elaborated, Frame, Machine};
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -191,24 +191,38 @@ fn the_record_equals_the_drawing() {
             }
         }
 
-        let fates = |of: &[Fate]| work.fates.iter().filter(|fate| of.contains(fate)).count() as u64;
+        let cull_reasons = |of: &[CullReason]| {
+            work.cull_reasons
+                .iter()
+                .filter(|cull_reason| of.contains(cull_reason))
+                .count() as u64
+        };
         let culled = drawing.culled;
-        assert_eq!(work.fates.len(), frame.splats.len());
+        assert_eq!(work.cull_reasons.len(), frame.splats.len());
         assert_eq!(
-            [fates(&[Fate::Near]), fates(&[Fate::Outside, Fate::Missing])],
+            [
+                cull_reasons(&[CullReason::Near]),
+                cull_reasons(&[CullReason::Outside, CullReason::Missing])
+            ],
             [culled.near, culled.outside]
         );
         assert_eq!(
-            [fates(&[Fate::Faint]), fates(&[Fate::Backface])],
+            [
+                cull_reasons(&[CullReason::Faint]),
+                cull_reasons(&[CullReason::Backface])
+            ],
             [culled.faint, culled.backface]
         );
-        assert_eq!(fates(&[Fate::Transparent]), culled.transparent);
+        assert_eq!(cull_reasons(&[CullReason::Transparent]), culled.transparent);
         assert!(
             work.footprints
                 .iter()
-                .all(|footprint| work.fates[footprint.splat as usize] == Fate::Drawn)
+                .all(|footprint| work.cull_reasons[footprint.splat as usize] == CullReason::Drawn)
         );
-        assert_eq!(fates(&[Fate::Drawn]), work.footprints.len() as u64);
+        assert_eq!(
+            cull_reasons(&[CullReason::Drawn]),
+            work.footprints.len() as u64
+        );
         assert!(
             work.footprints
                 .is_sorted_by_key(|footprint| footprint.splat)

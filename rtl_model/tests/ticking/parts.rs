@@ -5,7 +5,7 @@ use super::memory::{Done, MAP, Memory, Requests, SPLATS, Traffic};
 use super::scene::{LitFragment, Scene};
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace};
 use rtl_model::timing::{Account, Direction, Requester};
-use rtl_model::work::{Event, Fate};
+use rtl_model::work::{CullReason, Event};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::RangeInclusive;
 
@@ -230,7 +230,7 @@ pub fn stamps_of(
 ) -> VecDeque<Stamp> {
     let place = splat;
     let splat = &scene.splats[splat];
-    if splat.fate != Fate::Drawn {
+    if splat.cull_reason != CullReason::Drawn {
         return VecDeque::new();
     }
     let from = [splat.columns[0], splat.rows[0]].map(usize::from);
@@ -533,8 +533,8 @@ impl<'a> SetupUnits<'a> {
             return Act::StallOnMemory;
         }
         let ends = matches!(
-            self.scene.splats[record].fate,
-            Fate::Near | Fate::Outside | Fate::Transparent
+            self.scene.splats[record].cull_reason,
+            CullReason::Near | CullReason::Outside | CullReason::Transparent
         );
         if !ends && !self.projected.has_room() {
             return Act::Block;
@@ -551,7 +551,7 @@ impl<'a> SetupUnits<'a> {
         let Some(&record) = self.projected.front(self.now) else {
             return Act::Starve;
         };
-        let ends = self.scene.splats[record].fate != Fate::Drawn;
+        let ends = self.scene.splats[record].cull_reason != CullReason::Drawn;
         if !ends && !self.ellipses.has_room() {
             return Act::Block;
         }

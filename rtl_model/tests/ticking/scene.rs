@@ -2,22 +2,22 @@
 //! frame.
 
 use super::frames::{Rng, in_tile};
-use rtl_model::work::{CULLED, Event, Fate, Recorder, TILE_PX, Work};
+use rtl_model::work::{CULLED, CullReason, Event, Recorder, TILE_PX, Work};
 
 /// A splat, with the event of every pixel of its box, row by row; `None` for pixels that it does
 /// not cover.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Splat {
-    pub fate: Fate,
+    pub cull_reason: CullReason,
     pub columns: [u16; 2],
     pub rows: [u16; 2],
     pub pixels: Vec<Option<Event>>,
 }
 
 impl Splat {
-    pub fn culled(fate: Fate) -> Self {
+    pub fn culled(cull_reason: CullReason) -> Self {
         Splat {
-            fate,
+            cull_reason,
             columns: [0; 2],
             rows: [0; 2],
             pixels: Vec::new(),
@@ -27,7 +27,7 @@ impl Splat {
     /// One pixel.
     pub fn dot([x, y]: [u16; 2], event: Event) -> Self {
         Splat {
-            fate: Fate::Drawn,
+            cull_reason: CullReason::Drawn,
             columns: [x; 2],
             rows: [y; 2],
             pixels: vec![Some(event)],
@@ -110,7 +110,7 @@ fn any_splat(
     };
     let [columns, rows] = [interval(width), interval(height)];
     let mut splat = Splat {
-        fate: Fate::Drawn,
+        cull_reason: CullReason::Drawn,
         columns,
         rows,
         pixels: Vec::new(),
@@ -308,7 +308,7 @@ impl Scene {
     /// Places of the drawn splats, in submission order.
     fn drawn(&self) -> Vec<usize> {
         (0..self.splats.len())
-            .filter(|place| self.splats[*place].fate == Fate::Drawn)
+            .filter(|place| self.splats[*place].cull_reason == CullReason::Drawn)
             .collect()
     }
 
@@ -331,7 +331,7 @@ impl Scene {
         let touched = |tile: [u16; 2]| {
             self.splats
                 .iter()
-                .filter(|splat| splat.fate == Fate::Drawn)
+                .filter(|splat| splat.cull_reason == CullReason::Drawn)
                 .any(|splat| {
                     let [columns, rows] =
                         [splat.columns, splat.rows].map(|interval| interval.map(|at| at / 16));
@@ -351,9 +351,9 @@ impl Scene {
     pub fn record(&self) -> Work {
         let mut recorder = Recorder::default();
         for (first, splats) in self.splats.chunks(8).enumerate() {
-            let lanes = CULLED.map(|fate| {
+            let lanes = CULLED.map(|cull_reason| {
                 (0..splats.len())
-                    .map(|lane| u8::from(splats[lane].fate == fate) << lane)
+                    .map(|lane| u8::from(splats[lane].cull_reason == cull_reason) << lane)
                     .sum()
             });
             recorder.culled(8 * first as u32, lanes);
@@ -454,7 +454,11 @@ impl Scene {
 
     /// Reads a recorded frame.
     pub fn read(work: &Work) -> Self {
-        let mut splats: Vec<Splat> = work.fates.iter().map(|fate| Splat::culled(*fate)).collect();
+        let mut splats: Vec<Splat> = work
+            .cull_reasons
+            .iter()
+            .map(|cull_reason| Splat::culled(*cull_reason))
+            .collect();
         for footprint in &work.footprints {
             let splat = &mut splats[footprint.splat as usize];
             (splat.columns, splat.rows) = (footprint.columns, footprint.rows);

@@ -5,7 +5,7 @@ use crate::golden::Outcomes;
 use crate::golden::tiles::{PIXELS_IN_A_TILE, Painter};
 use crate::hardware::registers::SheetWords;
 use crate::scene::Sheet;
-use rtl_model::real::PartialPrecision;
+use rtl_model::real::MixedPrecision;
 
 /// Σw and Σw·rgb.
 type SheetSums = [f64; 4];
@@ -22,12 +22,12 @@ struct MixedSheet {
 /// The pixels of a tile.
 pub(super) struct SheetPixels<'a> {
     frame: &'a FrameWords<'a>,
-    words: &'a SheetWords<'a, PartialPrecision<'a>>,
+    words: &'a SheetWords<'a, MixedPrecision<'a>>,
     pixels: Vec<MixedSheet>,
 }
 
 impl<'a> SheetPixels<'a> {
-    pub fn new(frame: &'a FrameWords<'a>, words: &'a SheetWords<'a, PartialPrecision<'a>>) -> Self {
+    pub fn new(frame: &'a FrameWords<'a>, words: &'a SheetWords<'a, MixedPrecision<'a>>) -> Self {
         SheetPixels {
             frame,
             words,
@@ -65,7 +65,7 @@ impl<'a> SheetPixels<'a> {
         blended.map(number)
     }
 
-    fn read(&self, composite: [f64; 4]) -> [PartialPrecision<'a>; 4] {
+    fn read(&self, composite: [f64; 4]) -> [MixedPrecision<'a>; 4] {
         self.frame
             .stage
             .machine

@@ -11,7 +11,7 @@ use crate::golden::tiles::{PIXELS_IN_A_TILE, Painter};
 use crate::golden::window::{self, Closed, Layer, LayerVisibility, Open, Surface, Window};
 use crate::hardware::registers::WindowWords;
 use glam::DVec4;
-use rtl_model::real::PartialPrecision;
+use rtl_model::real::MixedPrecision;
 use rtl_model::units::fragment::window::real;
 
 /// T below 2^−this is 0.
@@ -20,13 +20,13 @@ const LEAST_VISIBLE_LOG2: u32 = 8;
 /// The pixels of a tile.
 pub(super) struct WindowPixels<'a> {
     frame: &'a FrameWords<'a>,
-    words: &'a WindowWords<PartialPrecision<'a>>,
+    words: &'a WindowWords<MixedPrecision<'a>>,
     rule: Window<'a>,
     pixels: Vec<Vec<Layer>>,
 }
 
 impl<'a> WindowPixels<'a> {
-    pub fn new(frame: &'a FrameWords<'a>, words: &'a WindowWords<PartialPrecision<'a>>) -> Self {
+    pub fn new(frame: &'a FrameWords<'a>, words: &'a WindowWords<MixedPrecision<'a>>) -> Self {
         let rule = Window {
             reach: words.reach.value,
             ..Window::new(&frame.stage.rules, frame.z_threshold, frame.shader)
@@ -49,7 +49,7 @@ impl<'a> WindowPixels<'a> {
         open.span = open.span.with(arrival.depth);
     }
 
-    fn single(&self, arrival: &MixedContribution) -> real::Single<PartialPrecision<'a>> {
+    fn single(&self, arrival: &MixedContribution) -> real::Single<MixedPrecision<'a>> {
         let word = |value: f64| self.frame.word(value);
         real::Single {
             weight: word(arrival.weight),
@@ -58,13 +58,13 @@ impl<'a> WindowPixels<'a> {
         }
     }
 
-    fn inside(&self, arrival: &MixedContribution) -> [PartialPrecision<'a>; 4] {
+    fn inside(&self, arrival: &MixedContribution) -> [MixedPrecision<'a>; 4] {
         let (fragment, single) = (&self.frame.stage.machine.fragment, self.single(arrival));
         let opacity = arrival.footprint.attributes[3];
         fragment.real_splat_inside(&single, opacity, &self.words.registers, &self.words.tables)
     }
 
-    fn in_words(&self, closed: &Closed) -> real::Closed<PartialPrecision<'a>> {
+    fn in_words(&self, closed: &Closed) -> real::Closed<MixedPrecision<'a>> {
         let word = |value: f64| self.frame.word(value);
         real::Closed {
             light: closed.colour.to_array().map(word),
@@ -87,7 +87,7 @@ impl<'a> WindowPixels<'a> {
     }
 
     /// Transmittance of a closed layer for a layer behind it that begins at a depth.
-    fn behind(&self, closed: &Closed, near: f64) -> PartialPrecision<'a> {
+    fn behind(&self, closed: &Closed, near: f64) -> MixedPrecision<'a> {
         let words = self.in_words(closed);
         let machine = self.frame.stage.machine;
         if near < closed.far() {
@@ -195,7 +195,7 @@ impl<'a> WindowPixels<'a> {
     fn put_inside(
         &self,
         closed: &Closed,
-        light: [PartialPrecision<'a>; 4],
+        light: [MixedPrecision<'a>; 4],
         [near, far]: [f64; 2],
     ) -> Closed {
         let mut words = self.in_words(closed);
@@ -259,7 +259,7 @@ impl<'a> WindowPixels<'a> {
 }
 
 /// A closed layer with the values that a slot of words holds.
-fn with(closed: &Closed, words: &real::Closed<PartialPrecision>) -> Closed {
+fn with(closed: &Closed, words: &real::Closed<MixedPrecision>) -> Closed {
     let [front, back] = words.weights.map(number);
     Closed {
         colour: DVec4::from_array(words.light.map(number)),
@@ -374,7 +374,7 @@ impl<'a> Painter for WindowPixels<'a> {
             }
         }
         let machine = self.frame.stage.machine;
-        let lights: Vec<[PartialPrecision; 4]> = done
+        let lights: Vec<[MixedPrecision; 4]> = done
             .iter()
             .map(|closed| machine.real_read(self.in_words(closed).light))
             .collect();

@@ -15,7 +15,7 @@ fn map(index_bits: u32, place_bits: i32, fraction_bits: i32, light_bits: i32) ->
     };
     let e = &mut Elaboration::default();
     let map = Map::new(e, crate::records::unit::REFLECT, words);
-    assert_eq!(e.misfits, Vec::<String>::new());
+    assert_eq!(e.errors, Vec::<String>::new());
     map
 }
 

@@ -18,7 +18,7 @@ fn unit(table_bits: u32, newton_steps: u32, bits: u32, operand_frac_bits: i32) -
         },
         operand_frac_bits,
     );
-    assert_eq!(e.misfits, [""; 0]);
+    assert_eq!(e.errors, [""; 0]);
     unit
 }
 

@@ -248,7 +248,7 @@ fn a_table_that_cannot_be_built_is_refused() {
         8
     );
     assert_eq!(
-        e.misfits,
+        e.errors,
         [
             "gauss.table.index_bits is 13: 1 to 12 can be built",
             "gauss.table.index_bits is 9: 1 to 8 can be built"

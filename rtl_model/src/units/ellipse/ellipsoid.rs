@@ -350,7 +350,7 @@ pub(super) fn set_up(
                 }
                 (Amplitude::Compensated, _, Some(config)) => {
                     let spanned = squared_sum(g, areas);
-                    let spanned = g.at_least_a_place(spanned);
+                    let spanned = g.at_least_an_ulp(spanned);
                     let root = g.root("compensation_root", config, spanned);
                     let spanned = g.fit_to("area", m.area, root, exponent.power(2));
                     weighed(g, spanned)

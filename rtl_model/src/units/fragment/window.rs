@@ -17,7 +17,7 @@
 //! the mean of a splat inside have their own words.
 //!
 //! Laws (tests/windows.rs of the program): `every_option_is_drawn_within_its_bound`,
-//! `in_partial_precision_it_is_golden_and_the_machine`.
+//! `in_mixed_precision_it_is_golden_and_the_machine`.
 
 use super::{
     Attributes, COLOUR, Decision, Fragment, FragmentRegisters, MAX_LAYERS, NORMAL, OPACITY,
@@ -254,7 +254,7 @@ pub fn overflow_path(machine: &Machine) -> Path {
         .product(bits(m.colour_sum), share)
         .sum(bits(m.colour_sum));
     if words.inside {
-        windows.beside(inside)
+        windows.parallel(inside)
     } else {
         windows
     }

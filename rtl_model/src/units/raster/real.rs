@@ -13,7 +13,7 @@
 use super::{Raster, Rows};
 use crate::machine::Machine;
 use crate::num::{Fit, Rounding, Word, two};
-use crate::real::{Near, PartialPrecision, Real, Scale, power_of_two};
+use crate::real::{MixedPrecision, Near, Real, Scale, power_of_two};
 use std::ops::Range;
 
 /// Input port.
@@ -176,21 +176,21 @@ impl Raster {
 /// Registers at the first pixel of a row of the box, and their differences.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
-    radial: PartialPrecision<'a>,
-    first: PartialPrecision<'a>,
-    second: PartialPrecision<'a>,
-    depth: PartialPrecision<'a>,
-    depth_step: PartialPrecision<'a>,
+    radial: MixedPrecision<'a>,
+    first: MixedPrecision<'a>,
+    second: MixedPrecision<'a>,
+    depth: MixedPrecision<'a>,
+    depth_step: MixedPrecision<'a>,
     /// The depth clamp.
-    limits: [PartialPrecision<'a>; 2],
+    limits: [MixedPrecision<'a>; 2],
 }
 
 impl Raster {
     /// Registers at the first pixels of `rows` rows of a box. `[left, top]` is the box's first pixel
     /// relative to the picture's middle.
-    pub fn partial_precision_rows<'a>(
+    pub fn mixed_precision_rows<'a>(
         &self,
-        input: &Input<PartialPrecision<'a>>,
+        input: &Input<MixedPrecision<'a>>,
         [left, top]: [f64; 2],
         rows: Range<u32>,
     ) -> impl Iterator<Item = Row<'a>> {
@@ -239,11 +239,11 @@ impl Raster {
 
     /// r and z at some columns from the first pixel of a row. r may be below 0; z is clamped to the
     /// disc's depth range.
-    pub fn partial_precision_pixel<'a>(
+    pub fn mixed_precision_pixel<'a>(
         &self,
         row: &Row<'a>,
         columns: f64,
-    ) -> [PartialPrecision<'a>; 2] {
+    ) -> [MixedPrecision<'a>; 2] {
         let radial = row.radial
             + row.first.times(columns)
             + row.second.times(columns * (columns - 1.0) / 2.0);

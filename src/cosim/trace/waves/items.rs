@@ -13,7 +13,7 @@ use super::super::transfers::{NONE, RecordSource};
 use rtl_model::machine::timing::Organisation;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::UnitCycles;
-use rtl_model::work::{Event, Fate, Footprint, Reader, TILE_PX, Work};
+use rtl_model::work::{CullReason, Event, Footprint, Reader, TILE_PX, Work};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -220,7 +220,7 @@ impl<'a> FrameWalk<'a> {
         } else {
             "shade"
         };
-        for splat in 0..self.work.fates.len() {
+        for splat in 0..self.work.cull_reasons.len() {
             if self.set_up(splat) {
                 self.take_splat("bin", splat as u32);
             }
@@ -242,7 +242,7 @@ impl<'a> FrameWalk<'a> {
 
     fn immediate(&mut self) {
         let mut footprints = self.work.footprints.iter();
-        for splat in 0..self.work.fates.len() {
+        for splat in 0..self.work.cull_reasons.len() {
             if self.set_up(splat)
                 && let Some(footprint) = footprints.next()
             {
@@ -264,13 +264,13 @@ impl<'a> FrameWalk<'a> {
 
     /// A splat passes setup; returns whether it has a footprint.
     fn set_up(&mut self, splat: usize) -> bool {
-        let (fate, number) = (self.work.fates[splat], splat as u32);
+        let (cull_reason, number) = (self.work.cull_reasons[splat], splat as u32);
         self.take_splat("fetch", number);
         self.take_splat("project", number);
-        if fate.leaves_project() {
+        if cull_reason.leaves_project() {
             self.take_splat("ellipse", number);
         }
-        let is_drawn = fate == Fate::Drawn;
+        let is_drawn = cull_reason == CullReason::Drawn;
         if is_drawn && self.work.preshaded {
             let record = self
                 .lit

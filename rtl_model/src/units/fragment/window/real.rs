@@ -96,7 +96,7 @@ fn errors(table: &Table, range: f64, function: fn(f64) -> f64) -> Vec<f64> {
 impl WindowDatapath {
     /// A quotient of non-negative numbers, at most 1.
     fn real_quotient<R: Real>(&self, numerator: R, denominator: R, share: &Fit) -> R {
-        let zero = numerator.beside(0.0);
+        let zero = numerator.constant_like(0.0);
         let divide = || {
             let quotient = numerator
                 .divided_by(denominator)
@@ -127,7 +127,8 @@ impl Fragment {
 
     /// Transmittance behind a window of this opacity.
     pub fn real_through_window<R: Real>(&self, through: R, opacity: R) -> R {
-        (through * (through.beside(1.0) - opacity)).fit(&self.real_windows().through[0], Scale::ONE)
+        (through * (through.constant_like(1.0) - opacity))
+            .fit(&self.real_windows().through[0], Scale::ONE)
     }
 
     /// Transmittance behind a closed slot too, or within it.
@@ -137,7 +138,7 @@ impl Fragment {
 
     /// 1 − A of a shaded opacity, in the format of TF.
     pub fn real_rest<R: Real>(&self, opacity: R) -> R {
-        (opacity.beside(1.0) - opacity)
+        (opacity.constant_like(1.0) - opacity)
             .refit(
                 self.premultiplied_frac_bits as i32,
                 &self.real_windows().rest,
@@ -147,7 +148,7 @@ impl Fragment {
 
     /// Σw of a closed slot's part after one more contribution.
     fn real_weight_after<R: Real>(&self, weight: R, more: R) -> R {
-        self.real_accumulated(WEIGHT, weight, more, more.beside(1.0))
+        self.real_accumulated(WEIGHT, weight, more, more.constant_like(1.0))
     }
 
     /// Σw·z after one more contribution.
@@ -172,7 +173,7 @@ impl Fragment {
 
     /// A slot that was shaded and closes, from shade's result.
     pub fn real_closed<R: Real>(&self, shaded: [R; 4], weight: R) -> Closed<R> {
-        let through = [self.real_rest(shaded[3]), weight.beside(1.0)];
+        let through = [self.real_rest(shaded[3]), weight.constant_like(1.0)];
         Closed {
             light: self.real_stored_words(shaded),
             weights: [weight; 2],
@@ -197,7 +198,7 @@ impl Fragment {
     ) {
         let (over, under) = (self.real_read(front.light), self.real_read(back.light));
         if is_farther {
-            let through = (over[3].beside(1.0) - over[3]).at_least(0.0);
+            let through = (over[3].constant_like(1.0) - over[3]).at_least(0.0);
             front.through[1] =
                 (back.through[1] * through).fit(&self.real_windows().dimmed[1], Scale::ONE);
             front.weights[1] = back.weights[1];
@@ -209,7 +210,7 @@ impl Fragment {
     pub fn real_put_inside<R: Real>(&self, slot: &mut Closed<R>, x: [R; 4], nearer_the_back: bool) {
         let own = self.real_windows();
         let light = self.real_read(slot.light);
-        let one = light[3].beside(1.0);
+        let one = light[3].constant_like(1.0);
         let through = self.real_rest(light[3]);
         let mut seen = slot.through[0].max(through);
         if nearer_the_back {
@@ -272,7 +273,7 @@ impl Fragment {
     ) {
         let own = self.real_windows();
         let had = slot.weights[side];
-        let (zero, one) = (had.beside(0.0), had.beside(1.0));
+        let (zero, one) = (had.constant_like(0.0), had.constant_like(1.0));
         let weighs = self.real_weight_after(zero, single.weight);
         slot.weights[side] = self.real_weight_after(had, single.weight);
         let adds = single.opacity * weighs.min((coverage_threshold - had).max(zero));

@@ -90,7 +90,7 @@ impl Reflect {
 
     fn real_place<R: Real>(&self, [x, y, z]: [R; 3]) -> [R; 2] {
         let [zero, one] = [0.0, 1.0].map(R::constant);
-        let sum = (x.abs() + y.abs() + z.abs()).at_least_a_place(&self.direction, Scale::ONE);
+        let sum = (x.abs() + y.abs() + z.abs()).at_least_an_ulp(&self.direction, Scale::ONE);
         let inverse = sum.reciprocal(&self.reciprocal);
         let near = [x, y].map(|part| {
             (part.abs() * inverse)

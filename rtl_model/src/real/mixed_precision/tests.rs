@@ -1,4 +1,4 @@
-//! PartialPrecision, checked against the machine's own fits and function units, word by word.
+//! MixedPrecision, checked against the machine's own fits and function units, word by word.
 
 use super::*;
 use crate::elaboration::Elaboration;
@@ -57,9 +57,9 @@ proptest! {
         let (exact, switches) = (exact >> shift, ON());
         let fit = Fit::new(3, word, Exact { int_bits: 50 - frac_bits, frac_bits });
         let value = exact as f64 * power_of_two(exponent - frac_bits);
-        let fitted = PartialPrecision::new(value, &switches).fit(&fit, Scale { low: exponent, high: exponent });
+        let fitted = MixedPrecision::new(value, &switches).fit(&fit, Scale { low: exponent, high: exponent });
         prop_assert_eq!(fitted.value, word.format.value(fit.one(exact)) * power_of_two(exponent));
-        prop_assert_eq!(PartialPrecision::new(value, &OFF()).fit(&fit, Scale::ONE).value, value);
+        prop_assert_eq!(MixedPrecision::new(value, &OFF()).fit(&fit, Scale::ONE).value, value);
     }
 
     /// Reciprocals and roots of words equal those of the units.
@@ -71,7 +71,7 @@ proptest! {
         let probe = &mut NoProbe;
         let tap = &mut Tap::new(probe);
         let (value, bits, switches) = (x as f64 * power_of_two(-operand_frac_bits), config.bits as i32, ON());
-        let mixed = PartialPrecision::new(value, &switches);
+        let mixed = MixedPrecision::new(value, &switches);
         let scientific = |(mantissa, exponent): (i64, i64)| mantissa as f64 * power_of_two(exponent as i32 - bits);
         prop_assert_eq!(mixed.reciprocal(&reciprocal).value, scientific(reciprocal.one(x, tap)));
         prop_assert_eq!(mixed.inverse_root(&root).value, scientific(root.one(x, tap)));
@@ -86,13 +86,13 @@ proptest! {
         let reciprocal = Reciprocal::new(e, "test", "reciprocal", config, operand_frac_bits);
         let root = ReciprocalRoot::new(e, "test", "root", config, operand_frac_bits);
         let off = OFF();
-        let mixed = PartialPrecision::new(x, &off);
+        let mixed = MixedPrecision::new(x, &off);
         prop_assert_eq!(mixed.reciprocal(&reciprocal).value, 1.0 / x);
         prop_assert_eq!([mixed.root(&root).value, mixed.inverse_root(&root).value], [x.sqrt(), 1.0 / x.sqrt()]);
-        let whole = PartialPrecision::new(3.0, &off);
+        let whole = MixedPrecision::new(3.0, &off);
         let share = Fit::new(3, Word::new(Format::unsigned(1, 4)), Exact { int_bits: 4, frac_bits: 12 });
         prop_assert_eq!(mixed.share(&share, whole).value, x);
-        prop_assert_eq!([mixed.at_least_a_place(&share, Scale::ONE).value, mixed.a_place_more(&share).value], [x; 2]);
+        prop_assert_eq!([mixed.at_least_an_ulp(&share, Scale::ONE).value, mixed.an_ulp_more(&share).value], [x; 2]);
     }
 }
 
@@ -107,7 +107,7 @@ fn a_register_keeps_its_value_modulo_its_range() {
             frac_bits: 2,
         },
     );
-    let wrapped = |value: f64| PartialPrecision::new(value, &on).wrapped(&register).value;
+    let wrapped = |value: f64| MixedPrecision::new(value, &on).wrapped(&register).value;
     assert_eq!(
         [
             wrapped(3.75),

@@ -24,7 +24,7 @@ pub struct Switches(pub Vec<bool>);
 
 /// A number of such a machine.
 #[derive(Clone, Copy, Debug)]
-pub struct PartialPrecision<'a> {
+pub struct MixedPrecision<'a> {
     /// Its value.
     pub value: f64,
     /// None for a constant.
@@ -63,10 +63,10 @@ fn in_word(word: Word, places: f64) -> f64 {
     }
 }
 
-impl<'a> PartialPrecision<'a> {
+impl<'a> MixedPrecision<'a> {
     /// A number of a machine with these switches.
     pub fn new(value: f64, switches: &'a Switches) -> Self {
-        PartialPrecision {
+        MixedPrecision {
             value,
             switches: Some(switches),
         }
@@ -101,41 +101,41 @@ impl<'a> PartialPrecision<'a> {
     }
 
     fn with(self, value: f64) -> Self {
-        PartialPrecision { value, ..self }
+        MixedPrecision { value, ..self }
     }
 
-    fn and(self, other: PartialPrecision<'a>, value: f64) -> Self {
-        PartialPrecision {
+    fn and(self, other: MixedPrecision<'a>, value: f64) -> Self {
+        MixedPrecision {
             value,
             switches: self.switches.or(other.switches),
         }
     }
 }
 
-impl<'a> Add for PartialPrecision<'a> {
-    type Output = PartialPrecision<'a>;
-    fn add(self, other: PartialPrecision<'a>) -> PartialPrecision<'a> {
+impl<'a> Add for MixedPrecision<'a> {
+    type Output = MixedPrecision<'a>;
+    fn add(self, other: MixedPrecision<'a>) -> MixedPrecision<'a> {
         self.and(other, self.value + other.value)
     }
 }
 
-impl<'a> Sub for PartialPrecision<'a> {
-    type Output = PartialPrecision<'a>;
-    fn sub(self, other: PartialPrecision<'a>) -> PartialPrecision<'a> {
+impl<'a> Sub for MixedPrecision<'a> {
+    type Output = MixedPrecision<'a>;
+    fn sub(self, other: MixedPrecision<'a>) -> MixedPrecision<'a> {
         self.and(other, self.value - other.value)
     }
 }
 
-impl<'a> Mul for PartialPrecision<'a> {
-    type Output = PartialPrecision<'a>;
-    fn mul(self, other: PartialPrecision<'a>) -> PartialPrecision<'a> {
+impl<'a> Mul for MixedPrecision<'a> {
+    type Output = MixedPrecision<'a>;
+    fn mul(self, other: MixedPrecision<'a>) -> MixedPrecision<'a> {
         self.and(other, self.value * other.value)
     }
 }
 
-impl<'a> Neg for PartialPrecision<'a> {
-    type Output = PartialPrecision<'a>;
-    fn neg(self) -> PartialPrecision<'a> {
+impl<'a> Neg for MixedPrecision<'a> {
+    type Output = MixedPrecision<'a>;
+    fn neg(self) -> MixedPrecision<'a> {
         self.with(-self.value)
     }
 }
@@ -150,15 +150,15 @@ fn without_noise(product: f64) -> f64 {
     (product * power_of_two(places)).round() * power_of_two(-places)
 }
 
-impl Real for PartialPrecision<'_> {
+impl Real for MixedPrecision<'_> {
     fn constant(value: f64) -> Self {
-        PartialPrecision {
+        MixedPrecision {
             value,
             switches: None,
         }
     }
 
-    fn beside(self, value: f64) -> Self {
+    fn constant_like(self, value: f64) -> Self {
         self.with(value)
     }
 
@@ -246,7 +246,7 @@ impl Real for PartialPrecision<'_> {
         }
     }
 
-    fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self {
+    fn at_least_an_ulp(self, fit: &Fit, scale: Scale) -> Self {
         if self.is_on(fit) {
             self.at_least(power_of_two(scale.low - fit.word.format.frac_bits))
         } else {
@@ -254,7 +254,7 @@ impl Real for PartialPrecision<'_> {
         }
     }
 
-    fn a_place_more(self, fit: &Fit) -> Self {
+    fn an_ulp_more(self, fit: &Fit) -> Self {
         if self.is_on(fit) {
             self.plus(power_of_two(-fit.word.format.frac_bits))
         } else {
