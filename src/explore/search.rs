@@ -1650,7 +1650,7 @@ impl SearchOutcome {
         if let Some(db) = db {
             let _ = write!(
                 cost,
-                "; the first view then has {} dB, {db:.1} dB above the target",
+                "; the worst of the first views then has {} dB, {db:.1} dB above the target",
                 decibels(*first_psnr_db)
             );
         }
