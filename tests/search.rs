@@ -2032,8 +2032,8 @@ fn no_word_of_a_found_machine_can_lose_a_bit() {
 
 /// Figures with the commands that reproduce them, as printed by a search.
 fn commands(told: &str) -> Vec<(String, Vec<String>)> {
-    let all = told.split("to see ").skip(1).map(|rest| {
-        let (sentence, command) = rest.split_once("again:").unwrap();
+    let all = told.split("to reproduce ").skip(1).map(|rest| {
+        let (sentence, command) = rest.split_once("):").unwrap();
         let command = command.split("\n\n").next().unwrap().replace("\\\n", " ");
         let words = command
             .split_whitespace()
@@ -2094,7 +2094,7 @@ fn each_claimed_figure_is_shown_again_by_the_command_that_is_printed() {
             .as_f64()
             .unwrap();
         assert!(
-            sentence.starts_with(&format!("{db:.1} dB, fixed − golden on ")),
+            sentence.starts_with(&format!("{db:.1} dB (fixed − golden, ")),
             "{sentence}: {db}"
         );
     }
@@ -2137,7 +2137,7 @@ fn each_claimed_figure_is_shown_again_by_the_command_that_is_printed() {
             .as_f64()
             .unwrap();
         assert!(
-            sentence.starts_with(&format!("{fps:.1} frames/s on ")),
+            sentence.starts_with(&format!("{fps:.1} frames/s (")),
             "{sentence}: {fps}"
         );
     }

@@ -174,7 +174,8 @@ impl Attribution {
         let table = aligned(table).to_string();
         let lines: Vec<&str> = table.lines().map(str::trim_end).collect();
         format!(
-            "fixed − golden at covered pixels: alone (only it in words), without (all but it)\n\n{}",
+            "fixed − golden at covered pixels\n\
+             alone: only this part in words; without: all parts except this one in words\n\n{}",
             lines.join("\n")
         )
     }
@@ -192,8 +193,8 @@ impl Attribution {
         };
         let legend = || {
             vec![
-                "only it in words".to_owned(),
-                "all but it in words".to_owned(),
+                "only this part in words".to_owned(),
+                "all parts except this one in words".to_owned(),
             ]
         };
         let axis = || Axis::log("mean error at covered pixels, linear light");

@@ -406,6 +406,11 @@ impl SearchJob {
                            frame,
                        }: &Claim| {
             let (machine, file) = (path(machine, "machine.json"), path(cameras, file));
+            // A figure may end in the difference that it measures: "46.5 dB, fixed − golden".
+            let (value, condition) = match figure.split_once(", ") {
+                Some((value, difference)) => (value, format!("{difference}, {view}")),
+                None => (figure.as_str(), view.clone()),
+            };
             let command = [
                 format!("splatsim run {}", self.run_arguments.scenes[*scene]),
                 format!("--machine {machine}"),
@@ -414,7 +419,7 @@ impl SearchJob {
             ];
             format!(
                 "{}\n{}",
-                wrapped(&format!("to see {figure} on {view} again:")),
+                wrapped(&format!("to reproduce {value} ({condition}):")),
                 continued(&command)
             )
         };

@@ -1584,7 +1584,9 @@ impl SearchOutcome {
             count => format!("holds on {count} unseen views{worst}"),
         };
         let _ = write!(text, "\n{}", wrapped(&views));
-        let _ = write!(text, "\n{}", wrapped(&self.margin_text()));
+        for sentence in self.margin_text() {
+            let _ = write!(text, "\n{}", wrapped(&sentence));
+        }
         let _ = write!(text, "\n{}", wrapped(&self.checked_text()));
         let tight = self.tight.iter().take(MOST_CRITICAL).map(|tight| {
             let value = tight
@@ -1609,16 +1611,16 @@ impl SearchOutcome {
             let critical = match self.tight.len() {
                 count if count > MOST_CRITICAL => {
                     format!(
-                        "{MOST_CRITICAL} of {count} critical word lengths (search.json lists all)"
+                        "{MOST_CRITICAL} of {count} critical word lengths (search.json lists all; "
                     )
                 }
-                _ => "critical word lengths".to_owned(),
+                _ => "critical word lengths (".to_owned(),
             };
             let _ = write!(
                 text,
                 "\n{}",
                 wrapped(&format!(
-                    "{critical}, and what a step less would make of each: {}",
+                    "{critical}in parentheses: PSNR with one step less): {}",
                     tight.join(", ")
                 ))
             );
@@ -1626,8 +1628,8 @@ impl SearchOutcome {
         text
     }
 
-    /// Cost of unseen views in one or two sentences.
-    fn margin_text(&self) -> String {
+    /// Cost of unseen views, one sentence per line.
+    fn margin_text(&self) -> Vec<String> {
         let Margin {
             aim_db,
             first_psnr_db,
@@ -1637,40 +1639,46 @@ impl SearchOutcome {
             widened,
         } = &self.margin;
         if self.learnt.is_empty() {
-            return "unseen views need no margin: the target alone takes the same area".into();
+            return vec!["no unseen view failed, so no area was added for unseen views".into()];
         }
-        let count = self.learnt.len();
-        let views = if count == 1 {
-            "1 view that failed is".to_owned()
-        } else {
-            format!("{count} views that failed are")
-        };
-        let mut text = format!(
-            "the target alone takes {} LUT equivalents; unseen views need {:+.1}% of area",
-            thousands(*target_alone_area as u64),
-            100.0 * area / target_alone_area
+        let part = 100.0 * area / target_alone_area;
+        let more = if part < 0.0 { "less" } else { "more" };
+        let mut cost = format!(
+            "holding on unseen views takes {:.1}% {more} area",
+            part.abs()
         );
-        match db {
-            Some(db) => {
-                let _ = write!(
-                    text,
-                    " and {db:+.1} dB on the first view ({} dB)",
-                    decibels(*first_psnr_db)
-                );
-            }
-            None => text.push_str(", and no dB is stated for the first view"),
-        }
-        let _ = write!(text, ": {views} searched on");
-        if *aim_db > 0.0 {
+        if let Some(db) = db {
             let _ = write!(
-                text,
-                ", and the aim on every searched view is {aim_db:.1} dB above the target"
+                cost,
+                "; the worst of the first views then has {} dB, {db:.1} dB above the target",
+                decibels(*first_psnr_db)
             );
         }
-        if !widened.is_empty() {
-            let _ = write!(text, "; integer bits given back to {}", widened.join(", "));
+        let mut searched = match self.learnt.len() {
+            1 => "1 failed view was added to the search".to_owned(),
+            count => format!("{count} failed views were added to the search"),
+        };
+        if *aim_db > 0.0 {
+            let _ = write!(
+                searched,
+                ", and every searched view must be {aim_db:.1} dB above the target"
+            );
         }
-        text
+        let mut sentences = vec![
+            format!(
+                "{} LUT equivalents would meet the target on the first views only",
+                thousands(*target_alone_area as u64)
+            ),
+            cost,
+            searched,
+        ];
+        if !widened.is_empty() {
+            sentences.push(format!(
+                "words that got integer bits back: {}",
+                widened.join(", ")
+            ));
+        }
+        sentences
     }
 
     /// Which further steps were measured, in one sentence.
@@ -1685,18 +1693,26 @@ impl SearchOutcome {
         } else {
             "target"
         };
-        let mut text = match alone {
-            0 => "no word or size can lose a step".to_owned(),
-            1 => format!("a step less of the one word or size that can lose one misses the {aim}"),
-            _ => format!("a step less of each of {alone} words and sizes misses the {aim}"),
+        let counted = |count: usize, kind: &str| match count {
+            1 => format!("1 {kind} step"),
+            _ => format!("{count} {kind} steps"),
         };
-        match together {
-            0 => {}
-            1 => text.push_str(", and so does 1 joint step"),
-            _ => _ = write!(text, ", and so do {together} joint steps"),
-        }
+        let tried: Vec<String> = [(alone, "single"), (together, "joint")]
+            .into_iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, kind)| counted(count, kind))
+            .collect();
+        let mut text = match alone + together {
+            0 => "checked: there is no single step to try".to_owned(),
+            1 => format!("checked: {} misses the {aim}", tried.join(" and ")),
+            _ => format!("checked: {} miss the {aim}", tried.join(" and ")),
+        };
         if costly > 0 {
-            let _ = write!(text, "; {costly} would take more area");
+            let _ = write!(
+                text,
+                "; {} would take more area or cannot be built",
+                counted(costly, "further single")
+            );
         }
         text
     }

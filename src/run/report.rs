@@ -431,12 +431,23 @@ impl Report {
                 thousands(all as u64)
             )
         });
-        let bound = l.bound.nine_in_ten.map_or("infinite".into(), |bound| {
-            format!("{:.2}/255", 255.0 * bound)
-        });
+        let bound = match l.bound.nine_in_ten {
+            Some(bound) => format!(
+                "at most {:.2}/255 at 90 % of the covered pixels",
+                255.0 * bound
+            ),
+            None if l.bound.share_over_1 > 0.0 => {
+                "infinite at 10 % or more of the covered pixels".into()
+            }
+            None => "no pixel is covered".into(),
+        };
+        let beyond = match l.bound_violations {
+            1 => "1 pixel".to_owned(),
+            count => format!("{} pixels", thousands(count)),
+        };
         [
             format!("in lockstep{sampled}, golden led by the machine's decisions: {db}, at most {:.4} off", l.max_error),
-            format!("bound: {bound} at nine covered pixels in ten, exceeded at {}", thousands(l.bound_violations)),
+            format!("bound: {bound}, exceeded at {beyond}"),
             format!("decisions that golden takes differently: {}{kinds}", thousands(l.decision_flips)),
         ]
         .map(|line| wrapped(&line))
