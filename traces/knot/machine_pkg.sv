@@ -675,7 +675,7 @@ package machine_pkg;
   localparam int PIPELINE_OUT_BLUE_LSB = 9; localparam int PIPELINE_OUT_BLUE_W = 9;
   localparam int PIPELINE_OUT_ALPHA_LSB = 0; localparam int PIPELINE_OUT_ALPHA_W = 9;
 
-  // All lights, all materials, and what each material makes of each light: one beside the other, the first in the low bits.
+  // All lights, all materials, and the reflection of each light by each material: concatenated, the first in the low bits.
   localparam int LIGHTS_PORT_W = 61;
   localparam int MATERIALS_PORT_W = 10;
   localparam int REFLECTIONS_PORT_W = 54;
