@@ -1,12 +1,12 @@
 //! Pattern: chooses the positions of points, stratified or as blue noise.
 //!
 //! - Stratified: the surface's area is divided into as many equal parts as there are points, with
-//! one point at a random position in each.
+//!   one point at a random position in each.
 //! - Blue noise: darts are thrown, and a dart too close to an earlier one is removed (Cook 1986,
-//! *Stochastic sampling in computer graphics*). When few find room, the distance shrinks (McCool
-//! and Fiume 1992, *Hierarchical Poisson disk sampling distributions*), until the requested number
-//! is reached. Faces with opposite orientation are two sides, with no distance between their
-//! points.
+//!   *Stochastic sampling in computer graphics*). When few find room, the distance shrinks (McCool
+//!   and Fiume 1992, *Hierarchical Poisson disk sampling distributions*), until the requested
+//!   number is reached. Faces with opposite orientation are two sides, with no distance between
+//!   their points.
 
 use super::surface::{Site, Surface};
 use crate::scene::digest::mixed;

@@ -5,7 +5,7 @@
 //! ```
 //! - nearest: w_k = c_i of the texel at the point.
 //! - EWA, independent of any view: w_k = Σ_i c_i ⟨r_k, n_i∘t⁻¹⟩, with the sum of products
-//! normalised to 1.
+//!   normalised to 1.
 //! - optimised: R w = c with R_kj = ⟨r_k, r_j⟩ ([`super::solve`]).
 //!
 //! r_k has the width of the drawn splat, which a renderer cuts at the scene's cutoff

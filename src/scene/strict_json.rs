@@ -153,7 +153,7 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             assert_eq!(
                 read(&path).unwrap_err(),
-                "cannot be read: it is no text in UTF-8"
+                "cannot be read: it is not UTF-8 text"
             );
         }
     }

@@ -12,8 +12,8 @@
 //! - *Arrived*: `latency` cycles after the previous unit took it.
 //! - *Free*: `interval` cycles after the previous item, or the cycles of that item.
 //! - *Room*: a unit has as many places behind it as its FIFO has and as are in flight in its
-//! pipeline. A place is taken when the unit takes an item that continues, and given back when the
-//! next unit takes this item. It can be taken again in the following cycle.
+//!   pipeline. A place is taken when the unit takes an item that continues, and given back when the
+//!   next unit takes this item. It can be taken again in the following cycle.
 //!
 //! All of this is exact to the cycle, except memory that is not ideal: its one channel serves
 //! requests in the order of the replay, not of their arrival (`memory.rs`). The error of a frame is

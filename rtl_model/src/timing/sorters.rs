@@ -8,12 +8,12 @@
 //! A list is a chain of *jobs*. A job loads entries, processes them and stores them:
 //!
 //! - *Sort*: up to `buffer_entries` entries. The network takes `network` entries per cycle, and
-//! returns runs of that length after its latency. Each merge pass then takes one cycle per entry:
-//! ⌈log2 ⌈n/network⌉⌉ passes.
+//!   returns runs of that length after its latency. Each merge pass then takes one cycle per entry:
+//!   ⌈log2 ⌈n/network⌉⌉ passes.
 //! - *Merge*: half a buffer of entries of two sorted chunks in memory, one cycle per entry, so that
-//! the other half is loaded at the same time. A list of c chunks takes ⌈log2 c⌉ passes.
+//!   the other half is loaded at the same time. A list of c chunks takes ⌈log2 c⌉ passes.
 //! - *Distribute*: half a buffer of entries, one cycle per entry, to buckets in memory. Each bucket
-//! gathers a burst; the remaining ones are stored with the last entries.
+//!   gathers a burst; the remaining ones are stored with the last entries.
 //!
 //! A job is loaded when the sorter has room: after the network has taken the previous job, or at
 //! once if half a buffer is free. It begins when it is loaded and the previous job has ended. Its
