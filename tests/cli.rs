@@ -244,7 +244,7 @@ fn a_preview_is_a_smaller_run_that_reports_what_it_leaves_out() {
             "--out",
             path.to_str().unwrap(),
         ],
-        "few already",
+        "are few",
     );
     assert!(!path.exists());
 }

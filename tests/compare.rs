@@ -382,7 +382,7 @@ fn a_record_is_replayed_on_both_machines() {
     );
     refused(
         &["compare", "tiny", "lean", "--replay", &record],
-        &["lean", "in more than timing", "--scene"],
+        &["lean", "outside `timing`", "--scene"],
     );
 }
 
@@ -422,7 +422,7 @@ fn results_that_cannot_be_compared_are_refused_in_a_sentence() {
     refused(&["compare", &a, empty], &["nothing: has no report.json"]);
     refused(
         &["compare", &a, &c],
-        &["40×32", "32×32", "pictures of one size"],
+        &["40×32", "32×32", "pictures of the same size"],
     );
     let [a_report, c_report] = [&a, &c].map(|folder| format!("{folder}/report.json"));
     assert_eq!(
@@ -614,7 +614,7 @@ fn a_gain_without_a_unit_cost_is_marked_as_given() {
     );
     for answer in answers["given"].as_array().unwrap() {
         assert!(
-            answer["given"].as_str().unwrap().contains("price")
+            answer["given"].as_str().unwrap().contains("unit cost")
                 && answer["faster"].as_f64().unwrap() > 0.0,
             "{answer}"
         );

@@ -838,7 +838,7 @@ fn faulty_volumes_are_refused_and_nothing_is_written() {
     );
     assert!(
         run("x.vts", sound.as_bytes(), Some(named))
-            .contains("splats.array names an array of a file of VTK's")
+            .contains("splats.array names an array of a VTK file")
     );
 }
 

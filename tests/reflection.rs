@@ -492,7 +492,7 @@ fn explain_prints_the_look_up_of_a_mirror() {
         }
         let text = explain::explain(&scene, &machine, told[0].0).unwrap();
         assert!(
-            text.contains("What layers mirror") && text.contains("texel"),
+            text.contains("Reflected light of layers") && text.contains("texel"),
             "{text}"
         );
     }
@@ -503,7 +503,7 @@ fn explain_prints_the_look_up_of_a_mirror() {
     assert!(
         !explain::explain(&plain, &mirror(Sight::Ray), [24, 24])
             .unwrap()
-            .contains("What layers mirror")
+            .contains("Reflected light of layers")
     );
 }
 

@@ -254,7 +254,7 @@ fn where_the_input_is_wrong_nothing_is_written() {
             ],
             "there is no folder",
         ),
-        (vec!["replay", &scene, "--out", out], "is no record"),
+        (vec!["replay", &scene, "--out", out], "is not a record"),
         (
             vec!["trace", &scene, "--splats", "5..9", "--out", out],
             "--splats 5..9",
@@ -891,7 +891,7 @@ fn links_are_followed_and_pipes_are_left_alone() {
         .status()
         .unwrap();
     assert!(made.success());
-    assert!(refused(&small_run(&scene, &["--record", &at("pipe")])).contains("no recording"));
+    assert!(refused(&small_run(&scene, &["--record", &at("pipe")])).contains("not a recording"));
     let film = DISC.replacen(
         r#""camera": {"eye": [0, 0, 4], "target": [0, 0, 0]}"#,
         r#""camera_path": {"pan_pixels": 1.0, "frames": 2}"#,

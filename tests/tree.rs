@@ -1384,7 +1384,7 @@ fn inputs_without_a_tree_are_refused_in_a_sentence() {
         ),
         (
             vec!["trace", "cycles.json", "--size", "8x8", "--out", "t"],
-            "level_of_detail.budget has bytes or cycles",
+            "level_of_detail.budget is in bytes or cycles",
         ),
     ];
     for (arguments, sentence) in refused {

@@ -206,7 +206,7 @@ impl<P: Probe> Kernel for EmitEight<'_, P> {
             let tap = &mut Tap::new(&mut *probe);
             tap.live = same;
             let shaded = machine.shade.lanes(lights, material, fragments, tap);
-            let is_same = std::array::from_fn(|lane| -i32::from(same >> lane & 1));
+            let is_same = std::array::from_fn(|lane| -i32::from(same & 1 << lane != 0));
             let is_same = V::Words::from_array(is_same);
             light = three!(i => shaded.colour[i].where_else(is_same, light[i]));
         }
