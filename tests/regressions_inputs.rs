@@ -898,7 +898,7 @@ fn links_are_followed_and_pipes_are_left_alone() {
         1,
     );
     let film = write(&folder, "film.json", film);
-    assert!(refused(&small_run(&film, &["--y4m", &at("pipe")])).contains("is no file"));
+    assert!(refused(&small_run(&film, &["--y4m", &at("pipe")])).contains("is not a file"));
     assert!(!std::fs::metadata(at("pipe")).unwrap().is_file());
 }
 

@@ -194,7 +194,7 @@ const rowsPage = ({ columns, machine, title }) => {
 
   const LISTED = ['scene', 'changes', 'name', 'machine', 'rule', 'layers', 'misfit', 'fixed_vs_ideal_psnr_db', 'psnr_db', 'area', 'frames_per_second', 'cycles', 'energy_j'];
   const nameOf = row => value.has('point') ? `point ${cell('point', row)}` : `row ${row + 1}`;
-  const summary = row => [h('b', {}, nameOf(row)), ...TOLD.filter(name => value.has(name) && cell(name, row) !== null && cell(name, row) !== '').map(name => h('div', {}, `${name}: ${readable(cell(name, row))}`)), h('div', { class: 'faint' }, 'a click shows all values')];
+  const summary = row => [h('b', {}, nameOf(row)), ...LISTED.filter(name => value.has(name) && cell(name, row) !== null && cell(name, row) !== '').map(name => h('div', {}, `${name}: ${readable(cell(name, row))}`)), h('div', { class: 'faint' }, 'a click shows all values')];
   const changesOf = row => machine && value.has('changes') ? String(cell('changes', row) ?? '').split(' ').filter(change => /^[\w.*]+=/.test(change)).map(change => { const at = change.indexOf('='); return [change.slice(0, at), change.slice(at + 1)]; }) : [];
   const flagsOf = row => changesOf(row).map(([path, text]) => '--set ' + quoted(`${path}=${text}`)).join(' ');
   // Applies a change to a machine like --set.
