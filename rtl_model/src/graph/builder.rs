@@ -337,8 +337,8 @@ impl<'e> Builder<'e> {
         self.alike(Operator::Greater([a, b]), a)
     }
 
-    /// At least a last place, as a reciprocal, a root or a normaliser needs it; a place that is set
-    /// costs a gate.
+    /// At least one ulp, as a reciprocal, a root or a normaliser requires. Setting the lowest bit
+    /// costs one gate.
     pub fn at_least_an_ulp(&mut self, from: Wire) -> Wire {
         self.alike(Operator::AtLeast(from, 1), from)
     }
@@ -349,7 +349,7 @@ impl<'e> Builder<'e> {
         self.known_natural(node)
     }
 
-    /// A last place more, by the carry of what reads it.
+    /// One ulp more, by the carry input of the operator that reads it.
     pub fn an_ulp_more(&mut self, from: Wire) -> Wire {
         let node = self.alike(Operator::APlaceMore(from), from);
         self.nodes[node.place()].shape.int_bits += 1;

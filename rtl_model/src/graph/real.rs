@@ -10,7 +10,7 @@ use crate::num::Fit;
 use crate::num::real::power_of_two;
 use crate::real::{Real, Scale};
 
-/// Most nodes of a graph that is worked out without memory of its own.
+/// Graphs with at most this many nodes keep their results on the stack.
 const FEW: usize = 12;
 
 /// A wire's number, and the power of two that it is relative to; of a wire that holds an exponent,
@@ -59,7 +59,7 @@ fn half(scale: Scale) -> Scale {
     }
 }
 
-/// The fit that a wire's word comes of, as it is or without its sign.
+/// The fit that makes a wire's word, with or without its sign.
 fn fit_of(nodes: &[Node], wire: Wire) -> Option<&Fit> {
     match &nodes[wire.place()].operator {
         Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => Some(fit),
