@@ -79,7 +79,7 @@ fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
         json!({"splats": {"volume": {"builtin": "fuzzy-clouds", "samples": 32}},
             "sheets": {"order": "back-to-front", "opacity": "linear"}, "materials": [{"unlit": true}]}),
         json!({"splats": {"volume": {"builtin": "marschner-lobb", "samples": 32}, "isovalue": 0.5}}),
-        json!({"splats": {"gaussians": "bouquet", "count": 3000}}),
+        json!({"splats": {"gaussians": "bouquet", "count": 3000, "degree": 3}}),
         json!({"splats": {"gaussians": "bouquet", "count": 3000}, "sheets": {"stop": 0.05, "keep_last": true, "least_weight": 0.1, "most_weight": 0.5}}),
     ];
     let folder = tempfile::tempdir().unwrap();
@@ -304,6 +304,7 @@ fn all_words_together_make_the_machines_error() {
             .into_iter()
             .filter(|unit| {
                 (*unit != "sort" || machine.sort.is_some())
+                    && (*unit != "colour" || machine.colour.is_some())
                     && (*unit != "reflect" || machine.reflect.is_some())
             })
             .collect();

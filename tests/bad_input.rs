@@ -170,7 +170,7 @@ fn wrong_names_and_paths_are_refused_with_the_existing_ones() {
             .unwrap_err()
             .to_string()
     };
-    let builtin = "built in are glass-spheres, checkerboard, torus-knot, terrain, marschner-lobb, nested-shells, fuzzy-clouds, bouquet";
+    let builtin = "built in are glass-spheres, checkerboard, torus-knot, terrain, marschner-lobb, nested-shells, fuzzy-clouds, bouquet, city";
     assert_eq!(
         told("glas-spheres"),
         format!(

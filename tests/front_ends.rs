@@ -3,10 +3,10 @@
 //! those of PyPI (`tests/programs/front-ends.txt`).
 
 use crate::cosimulation::{
-    OF_ELLIPSOIDS, OF_WINDOWS, PIPELINE, PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS, UNITS, Unit,
-    sources,
+    OF_ELLIPSOIDS, OF_HARMONICS, OF_WINDOWS, PIPELINE, PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS,
+    UNITS, Unit, sources,
 };
-use crate::traced::{Traced, bouquet, cloud, isosurface, machine, shells, traced};
+use crate::traced::{Traced, bouquet, cloud, harmonics, isosurface, machine, shells, traced};
 use crate::{MIRRORS, mirrors, rtl_files};
 use rayon::prelude::*;
 use serde_json::json;
@@ -222,6 +222,7 @@ impl FrameKind {
                 vec![ellipsoid, sheets, by_sheets],
             ),
             "windows" => (&["fragment"][..], vec![OF_WINDOWS]),
+            "harmonics" => (&["ellipse", "fragment"][..], vec![OF_HARMONICS]),
             _ => (&[][..], vec![PIPELINE, PIPELINE_OF_TILES]),
         };
         [without(replaced), more].concat()
@@ -290,6 +291,12 @@ fn frames() -> Vec<FrameKind> {
             of("gaussian"),
         ),
         ("window", &["windows"], cloud(4, 16), of("window")),
+        (
+            "harmonics",
+            &["harmonics"],
+            harmonics(20, 16, 2),
+            of("gaussian"),
+        ),
     ];
     all.into_par_iter().map(frame).collect()
 }
@@ -369,7 +376,15 @@ fn of_fusesoc(target: &str) -> Vec<String> {
 
 #[test]
 fn lists_of_files_have_every_module_after_its_parts() {
-    let targets = ["", "tiles", "reflect", "ellipsoids", "sheets", "windows"];
+    let targets = [
+        "",
+        "tiles",
+        "reflect",
+        "ellipsoids",
+        "sheets",
+        "windows",
+        "harmonics",
+    ];
     let mut listed = HashSet::new();
     for target in targets {
         let list = of_bender(target);
@@ -452,9 +467,17 @@ fn every_list_elaborates_in_slang_with_the_package_that_it_is_for() {
         .flat_map(|frame| frame.targets.iter().map(move |target| (frame, *target)))
         .collect::<Vec<_>>();
     assert!(
-        ["", "tiles", "reflect", "ellipsoids", "sheets", "windows"]
-            .iter()
-            .all(|target| lists.iter().any(|(_, other)| other == target))
+        [
+            "",
+            "tiles",
+            "reflect",
+            "ellipsoids",
+            "sheets",
+            "windows",
+            "harmonics",
+        ]
+        .iter()
+        .all(|target| lists.iter().any(|(_, other)| other == target))
     );
     lists.par_iter().for_each(|(frame, target)| {
         let package = frame.trace.path("machine_pkg.sv");

@@ -2,7 +2,7 @@
 //! inputs, and respond immediately?
 
 use crate::program::PROGRAM;
-use crate::traced::{Traced, bouquet, cloud, machine, shells, traced};
+use crate::traced::{Traced, bouquet, cloud, harmonics, machine, shells, traced};
 use assert_cmd::Command;
 use proptest::prelude::*;
 use rtl_model::Machine;
@@ -127,6 +127,7 @@ fn a_unit_answers_as_the_trace_says() {
     }
     for (text, name) in [
         (bouquet(200, 24, &json!({"stop": 0.2})), "gaussian"),
+        (harmonics(200, 24, 3), "gaussian"),
         (shells(10, 16, &json!({"stop": 0.6})), "volume"),
     ] {
         let machine = machine(name, &[]);

@@ -264,7 +264,7 @@ fn odd_ellipsoids() -> Vec<(String, Scene)> {
                 amplitude,
                 preshaded: false,
                 sorted: amplitude == Amplitude::Peak,
-                harmonics: 0,
+                harmonics: None,
             });
             let peak = amplitude == Amplitude::Peak;
             odd.sheets = (amplitude != Amplitude::Disc).then(|| Sheets {

@@ -8,9 +8,9 @@ mod tier;
 mod traced;
 
 use cosimulation::{
-    Device, Given, OF_ELLIPSOIDS, OF_ONE_ENGINE, OF_THREE_ENGINES, OF_WINDOWS, PIPELINE,
-    PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS, Simulator, UNITS, Unit, have, run, sources,
-    verilator,
+    Device, Given, OF_ELLIPSOIDS, OF_HARMONICS, OF_ONE_ENGINE, OF_THREE_ENGINES, OF_WINDOWS,
+    PIPELINE, PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS, Simulator, UNITS, Unit, have, run,
+    sources, verilator,
 };
 use rayon::prelude::*;
 use rtl_model::frame::Frame;
@@ -28,7 +28,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tier::Tier;
-use traced::{Traced, bouquet, cloud, isosurface, machine, shells, traced};
+use traced::{Traced, bouquet, cloud, harmonics, isosurface, machine, shells, traced};
 
 /// One lane, as in the RTL implementations; the named machines, and rules that none of them has.
 fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
@@ -234,6 +234,111 @@ fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
         .map(|more| splatsim::hardware::machines::load(usual, &settings(&more)).unwrap())
 }
 
+/// Machines that evaluate harmonics: the ready-made one, lower degrees, and unusual words.
+fn coloured() -> Vec<rtl_model::Machine> {
+    let coarse = [
+        "colour.coefficient=I3F2",
+        r#"colour.relative={"format":"I1F4","round":"nearest"}"#,
+        r#"colour.root={"table_bits":3,"newton_steps":0,"bits":5}"#,
+        r#"colour.direction={"format":"I1F3","round":"truncate"}"#,
+        "colour.monomial=I1F2",
+        r#"colour.basis={"format":"I2F2","overflow":"wrap"}"#,
+        "splat.rgb=U1F3",
+    ];
+    let fine = [
+        "colour.degree=2",
+        r#"colour.coefficient={"format":"I4F22","round":"truncate"}"#,
+        r#"colour.relative={"format":"I2F24","round":"nearest-even"}"#,
+        r#"colour.root={"table_bits":9,"newton_steps":2,"bits":26}"#,
+        r#"colour.direction={"format":"I3F9","round":"nearest-even"}"#,
+        r#"colour.monomial={"format":"I2F24","round":"truncate"}"#,
+        "timing.colour.multipliers=3",
+    ];
+    [
+        vec![],
+        coarse.to_vec(),
+        fine.to_vec(),
+        vec!["colour.degree=1"],
+    ]
+    .map(|more| {
+        machine(
+            "gaussian",
+            &[&["timing.raster.lanes=[1,1]"], &more[..]].concat(),
+        )
+    })
+    .to_vec()
+}
+
+#[test]
+fn harmonics_give_the_records_of_the_machine() {
+    if !have(
+        &["iverilog", "verilator"],
+        "the RTL implementation of colour",
+    ) {
+        return;
+    }
+    for (nth, machine) in coloured().iter().enumerate() {
+        let most = machine.colour.unwrap().degree;
+        let simulator = if nth % 2 == 0 {
+            Simulator::Verilator
+        } else {
+            Simulator::Icarus
+        };
+        for degree in [1, most as u8] {
+            let scene = harmonics(200, 32, degree);
+            let drawn = traced(&scene, machine, &Window::default());
+            assert!(drive(simulator, &drawn, OF_HARMONICS, 32, &STALLS) > 50);
+        }
+        let made_up = Window {
+            stimulus: Some(100),
+            units: vec!["colour".into()],
+            ..Window::default()
+        };
+        let made_up = traced(&harmonics(20, 32, most as u8), machine, &made_up);
+        assert!(drive(simulator, &made_up, OF_HARMONICS, 32, &[]) > 300);
+    }
+}
+
+/// The test above can fail: a wrong product, sum, shift or rounding is found.
+#[test]
+fn wrong_harmonics_are_found_out() {
+    if !tier::runs(Tier::Ci) {
+        return;
+    }
+    if !have(&["iverilog"], "mutants of colour") {
+        return;
+    }
+    let machine = &coloured()[0];
+    let made_up = Window {
+        stimulus: Some(20),
+        units: vec!["colour".into()],
+        ..Window::default()
+    };
+    let trace = traced(&harmonics(20, 32, 3), machine, &made_up);
+    let mutants = [
+        ("difference <<< lead", "difference <<< (lead - 8'sd1)"),
+        ("squared == '0 ? (2 * RELATIVE_W)'(1) : ", ""),
+        (
+            ".exact(scaled), .more(more)",
+            ".exact(scaled), .more(-more)",
+        ),
+        ("{x, y, x, z, y, x}", "{x, y, x, z, x, x}"),
+        ("rest = (zz <<< 1) - xx - yy", "rest = (zz <<< 1) - xx"),
+        ("over = (zz <<< 2) - xx - yy", "over = (zz <<< 1) - xx - yy"),
+        (
+            "{to_x, skew, over, to_z, over, yz, to_y}",
+            "{to_x, skew, over, to_z, over, xz, to_y}",
+        ),
+        ("COLOUR_MONOMIAL_ROUND", "COLOUR_RELATIVE_WRAP"),
+        ("(WHOLE_W'(1) <<< (WHOLE_F - 1))", "WHOLE_W'(0)"),
+        ("whole[WHOLE_W-1] ? '0 : whole", "whole"),
+        ("(COUNT-1-nth)*3+channel", "(COUNT-1-nth)*3+2-channel"),
+    ];
+    for (find, put) in mutants {
+        is_found_out(&trace, OF_HARMONICS, ("colour.sv", find, put));
+    }
+}
+
 #[test]
 fn mirrors_give_the_records_of_the_machine() {
     if !tier::runs(Tier::Full) {
@@ -364,40 +469,39 @@ fn wrong_mirrors_are_found_out() {
         ),
     ];
     let with = |trace| move |mutant| (trace, mutant);
-    for (trace, (file, find, put)) in of_axis
+    for (trace, mutant) in of_axis
         .map(with(&along_axis))
         .into_iter()
         .chain(of_rays.map(with(&along_rays)))
     {
-        let folder = tempfile::tempdir().unwrap();
-        for entry in rtl_files() {
-            std::fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
-        }
-        // Other files that the bench needs are in the same folder.
-        let bench = folder.path().join("bench");
-        std::fs::create_dir(&bench).unwrap();
-        for entry in std::fs::read_dir(sources().join("bench"))
-            .unwrap()
-            .map(|entry| entry.unwrap().path())
-        {
-            std::fs::copy(&entry, bench.join(entry.file_name().unwrap())).unwrap();
-        }
-        let text = std::fs::read_to_string(folder.path().join(file)).unwrap();
-        assert_eq!(text.matches(find).count(), 1, "{file}: {find}");
-        std::fs::write(folder.path().join(file), text.replace(find, put)).unwrap();
-        let device = Device::new(
-            Simulator::Icarus,
-            folder.path(),
-            &trace.folder,
-            unit("shade"),
-            32,
-        );
-        let given = device.drive(None, expected(trace, unit("shade")), &[]);
-        assert!(
-            fault(trace, unit("shade"), &given).is_some(),
-            "{file} without `{find}` gives the same"
-        );
+        is_found_out(trace, unit("shade"), mutant);
     }
+}
+
+/// A unit with one string of a file replaced gives other records than those of a trace.
+fn is_found_out(trace: &Traced, unit: Unit, (file, find, put): (&str, &str, &str)) {
+    let folder = tempfile::tempdir().unwrap();
+    for entry in rtl_files() {
+        std::fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
+    }
+    // Other files that the bench needs are in the same folder.
+    let bench = folder.path().join("bench");
+    std::fs::create_dir(&bench).unwrap();
+    for entry in std::fs::read_dir(sources().join("bench"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+    {
+        std::fs::copy(&entry, bench.join(entry.file_name().unwrap())).unwrap();
+    }
+    let text = std::fs::read_to_string(folder.path().join(file)).unwrap();
+    assert_eq!(text.matches(find).count(), 1, "{file}: {find}");
+    std::fs::write(folder.path().join(file), text.replace(find, put)).unwrap();
+    let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit, 32);
+    let given = device.drive(None, expected(trace, unit), &[]);
+    assert!(
+        fault(trace, unit, &given).is_some(),
+        "{file} without `{find}` gives the same"
+    );
 }
 
 const STALLS: [&str; 5] = [
@@ -447,18 +551,24 @@ fn rtl_is_clean_and_can_be_synthesised() {
             ..Window::default()
         },
     );
+    let coloured = traced(
+        &harmonics(20, 16, 3),
+        &machine("gaussian", &["timing.raster.lanes=[1,1]"]),
+        &Window::default(),
+    );
     let all = UNITS
         .iter()
         .chain([&PIPELINE, &PIPELINE_OF_TILES])
         .chain(&OF_ELLIPSOIDS)
         .chain(&PIPELINES_OF_ELLIPSOIDS)
-        .chain([&OF_WINDOWS]);
+        .chain([&OF_WINDOWS, &OF_HARMONICS]);
     // Simulators read all of them in every run. Yosys, which takes as long as everything else
     // together, reads a part of them that depends on the tier.
     let in_yosys: HashSet<&str> = tier::some([12, 12], all.clone().map(|unit| unit.name)).collect();
     for unit in all {
         let trace = match unit.name {
             "windows" => &windows,
+            "colour" => &coloured,
             "pipeline_ellipsoids" => &surface,
             "ellipsoid" | "sheets" | "pipeline_sheets" => &volume,
             _ => &trace,

@@ -2,7 +2,9 @@
 //! alone?
 
 use crate::cosimulation::{have, run};
-use crate::traced::{Traced, bouquet, cloud, files, isosurface, machine, shells, traced};
+use crate::traced::{
+    Traced, bouquet, cloud, files, harmonics, isosurface, machine, shells, traced,
+};
 use proptest::prelude::*;
 use rtl_model::pipeline::ports::{Kind, project_out_words};
 use rtl_model::pipeline::unit_replay;
@@ -73,6 +75,10 @@ fn media() -> Vec<(String, rtl_model::Machine)> {
         (
             bouquet(500, 24, &json!({"stop": 0.2})),
             machine("gaussian", &[]),
+        ),
+        (
+            harmonics(300, 24, 2),
+            machine("gaussian", &["colour.basis=I2F5"]),
         ),
         (
             bouquet(
@@ -158,6 +164,14 @@ fn replay(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model:
             None => unit_replay::ellipse(elaborated, &frame.view, size_px, array(input), unwatched),
         };
         assert_eq!(masked(trace, "ellipse.out", made.to_vec()), output);
+    }
+    if Kind::of(frame).harmonics > 0 {
+        let inputs = trace.records("colour.in");
+        assert!(!inputs.is_empty());
+        for (input, output) in inputs.iter().zip(trace.records("colour.out")) {
+            let made = unit_replay::colour(elaborated, frame, input, unwatched).unwrap();
+            assert_eq!(made.to_vec(), output);
+        }
     }
     let mut fragments = trace.records("raster.out").into_iter();
     for input in trace.records("raster.in") {

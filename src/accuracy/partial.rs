@@ -41,6 +41,9 @@ use window::WindowPixels;
 /// diagram.
 pub const UNITS: [&str; unit::WORDED.len() + 1] = unit::after("splat", unit::WORDED);
 
+/// Word that only machines with the unit `colour` have.
+const OF_COLOUR: &str = "colour.coefficient";
+
 /// Words that only machines for ellipsoids have.
 const OF_ELLIPSOIDS: [&str; 2] = ["ellipse.quaternion", "ellipse.scale"];
 
@@ -63,7 +66,10 @@ pub fn words(machine: &Elaborated) -> Vec<String> {
     words.retain(|word| {
         word != "ellipse.edge" && (ellipsoids || !OF_ELLIPSOIDS.contains(&word.as_str()))
     });
-    words.retain(|word| reflects || word != "reflect.reflectance");
+    let has_colour = machine.machine.colour.is_some();
+    words.retain(|word| {
+        (reflects || word != "reflect.reflectance") && (has_colour || word != OF_COLOUR)
+    });
     words.sort_by_key(|word| {
         UNITS
             .iter()

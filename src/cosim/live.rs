@@ -150,11 +150,7 @@ impl Constants {
 
     /// The units that can run alone in such a frame, in the order of the diagram.
     pub fn units(&self) -> Vec<&'static str> {
-        let sorted = Kind::of(&self.frame).sorted;
-        unit::ALL
-            .into_iter()
-            .filter(|name| sorted || *name != unit::SORT)
-            .collect()
+        Kind::of(&self.frame).units().collect()
     }
 
     /// Columns and rows of the picture.
@@ -779,6 +775,10 @@ impl Constants {
             unit::ELLIPSE => vec![
                 unit_replay::ellipse(machine, &frame.view, size_px, array(words), probe).to_vec(),
             ],
+            unit::COLOUR => unit_replay::colour(machine, frame, words, probe)
+                .into_iter()
+                .map(|made| made.to_vec())
+                .collect(),
             unit::RASTER => {
                 let made =
                     unit_replay::raster(machine, &frame.view, size_px, array(&words[1..]), probe);

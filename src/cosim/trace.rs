@@ -47,7 +47,6 @@ use coverage::Coverage;
 use observer::Observations;
 use rayon::prelude::*;
 use rtl_model::Machine;
-use rtl_model::elaboration::unit;
 use rtl_model::frame::Frame;
 use rtl_model::pipeline;
 use rtl_model::pipeline::Elaborated;
@@ -312,10 +311,7 @@ impl Written {
 
 /// The pipeline and its units that have ports in a frame of this kind, in the order of the diagram.
 fn units(kind: Kind) -> Vec<&'static str> {
-    unit::after::<_, { unit::ALL.len() + 1 }>("pipeline", unit::ALL)
-        .into_iter()
-        .filter(|name| kind.sorted || *name != unit::SORT)
-        .collect()
+    std::iter::once("pipeline").chain(kind.units()).collect()
 }
 
 /// The stream that the records of a stream are made from.
@@ -325,6 +321,8 @@ fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
         ("project.out", "project.in"),
         ("ellipse.in", "project.out"),
         ("ellipse.out", "ellipse.in"),
+        ("colour.in", "ellipse.out"),
+        ("colour.out", "colour.in"),
         ("ellipse.request", "ellipse.out"),
         ("ellipse.answer", "ellipse.request"),
         ("sort.in", "ellipse.out"),

@@ -11,7 +11,8 @@ use crate::golden::{octahedral, window_density};
 use crate::output::text::listed;
 use crate::scene::tree::cut::{self, Budget, DrawOrder};
 use crate::scene::{
-    Amplitude, Filter, Light, Material, Mirror, Orientation, Scene, Sheet, Splat, View,
+    Amplitude, Ellipsoids, Filter, Harmonics, Light, MachineHarmonics, Material, Mirror,
+    Orientation, Scene, Sheet, Splat, View,
 };
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -51,6 +52,8 @@ pub struct Quantised {
     pub notes: Vec<String>,
     /// Texels of the surroundings before quantisation; empty without reflection.
     pub texels: Vec<[f64; 3]>,
+    /// Conversion of the scene's harmonics, if the machine evaluates them.
+    pub harmonics: Option<MachineHarmonics>,
     /// Walk that finds the splats in a tree, if there is one.
     pub walk: Option<TreeWalk>,
 }
@@ -125,6 +128,7 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         errors: Vec::new(),
         notes: Vec::new(),
         texels: Vec::new(),
+        harmonics: None,
     };
     let walk = registers.walk(scene);
     let frame = Frame {
@@ -145,7 +149,7 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         ),
         background: registers.background(scene.image.background),
         lighting: registers.lighting(scene, &view),
-        splats: splats(scene, machine, &scale),
+        splats: registers.splats(scene, &scale),
         ellipsoids: registers.ellipsoids(scene, &view),
         sheets: registers.sheets(scene),
         window: registers.window(scene, &scale),
@@ -157,6 +161,7 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
             scale,
             notes: registers.notes,
             texels: registers.texels,
+            harmonics: registers.harmonics,
             walk,
         });
     }
@@ -266,6 +271,12 @@ fn scaled(word: Word, value: f64) -> Scaled {
     }
 }
 
+/// Whether the machine computes colours from the scene's harmonics.
+fn has_harmonics(scene: &Scene, machine: &Machine) -> bool {
+    let ellipsoids = scene.ellipsoids.as_ref();
+    machine.colour.is_some() && ellipsoids.is_some_and(|ellipsoids| ellipsoids.harmonics.is_some())
+}
+
 fn splats(scene: &Scene, machine: &Machine, scale: &Scale) -> Vec<frame::Splat> {
     let (words, factor, offset) = (
         machine.splat,
@@ -273,13 +284,16 @@ fn splats(scene: &Scene, machine: &Machine, scale: &Scale) -> Vec<frame::Splat> 
         DVec3::from_array(scale.offset),
     );
     let vector = |word: Word, v: DVec3| v.to_array().map(|x| quantised(word, x) as i32);
+    let has_harmonics = has_harmonics(scene, machine);
     let splat = |splat: &Splat| frame::Splat {
         position: vector(words.position, (splat.position - offset) * factor),
         normal: vector(words.normal, splat.normal),
         radius: quantised(words.radius, splat.radius * factor) as i32,
-        rgb: splat
-            .rgb
-            .map(|channel| quantised(words.rgb, channel) as i32),
+        rgb: if has_harmonics {
+            [0; 3]
+        } else {
+            (splat.rgb).map(|channel| quantised(words.rgb, channel) as i32)
+        },
         opacity: quantised(words.opacity, splat.opacity) as i32,
         material: splat.material,
     };
@@ -292,6 +306,7 @@ struct RegisterLoader<'a> {
     errors: Vec<RegisterError>,
     notes: Vec<String>,
     texels: Vec<[f64; 3]>,
+    harmonics: Option<MachineHarmonics>,
 }
 
 /// Reason why a scene cannot be drawn: a register with its worst value out of range, or a rule
@@ -502,6 +517,7 @@ impl RegisterLoader<'_> {
                 scales: scales(orientation.scales).map(|scale| scale as i32),
             }
         };
+        let harmonics = self.harmonics(ellipsoids);
         Some(frame::Ellipsoids {
             kernel: frame::Kernel {
                 amplitude: match ellipsoids.amplitude {
@@ -531,26 +547,72 @@ impl RegisterLoader<'_> {
             },
             preshaded: ellipsoids.preshaded,
             sorted: ellipsoids.sorted,
-            harmonics: self.harmonics(ellipsoids.harmonics),
+            harmonics: harmonics.map_or(0, |harmonics| harmonics.degree),
+            coefficients: harmonics.map_or_else(Vec::new, |own| self.coefficients(own)),
         })
     }
 
-    /// Degree of the harmonics from which the machine computes colours; 0 where its input has
-    /// colours.
-    fn harmonics(&mut self, degree: u8) -> u8 {
-        let Some(colour) = self.machine.colour.filter(|_| degree > 0) else {
-            return 0;
+    /// Records of splats, and a note on colours that their words cannot hold.
+    fn splats(&mut self, scene: &Scene, scale: &Scale) -> Vec<frame::Splat> {
+        let word = self.machine.splat.rgb;
+        let most = word.format.value(word.format.max());
+        let bright = |splat: &&Splat| {
+            splat
+                .rgb
+                .iter()
+                .any(|channel| *channel > most + word.format.value(1))
         };
-        if u32::from(degree) > colour.degree {
+        let beyond = scene.splats.par_iter().filter(bright).count();
+        if beyond > 0 && !has_harmonics(scene, self.machine) {
+            self.notes.push(format!(
+                "{beyond} of {} splats are brighter than splat.rgb holds, {most}",
+                scene.splats.len()
+            ));
+        }
+        splats(scene, self.machine, scale)
+    }
+
+    /// The harmonics from which the machine computes colours; none where its input has colours.
+    fn harmonics<'s>(&mut self, ellipsoids: &'s Ellipsoids) -> Option<&'s Harmonics> {
+        let (harmonics, colour) = (ellipsoids.harmonics.as_ref()?, self.machine.colour?);
+        let degree = u32::from(harmonics.degree);
+        if degree > colour.degree {
             self.refuse(format!(
                 "colour.degree is {}, but its splats have spherical harmonics of degree {degree}",
                 colour.degree
             ));
         }
-        self.notes.push(format!(
-            "colours are computed from harmonics of degree {degree} in f64: the unit `colour` has bytes, cycles and a unit cost, but no formats yet"
-        ));
-        degree
+        Some(harmonics)
+    }
+
+    /// Words of all coefficients.
+    fn coefficients(&mut self, harmonics: &Harmonics) -> Vec<[i32; 3]> {
+        let word = self.machine.colour.unwrap_or_default().coefficient;
+        let of_machine = MachineHarmonics::new(harmonics.degree, harmonics.turn);
+        let [least, most] =
+            [word.format.min(), word.format.max()].map(|end| word.format.value(end));
+        let (words, beyond): (Vec<Vec<[i32; 3]>>, Vec<usize>) = harmonics
+            .coefficients
+            .par_chunks((usize::from(harmonics.degree) + 1).pow(2))
+            .map(|own| {
+                let own: Vec<[f64; 3]> = of_machine.of(own).collect();
+                let is_beyond = |value: &&f64| **value < least || **value > most;
+                let beyond = own.as_flattened().iter().filter(is_beyond).count();
+                let words = own
+                    .iter()
+                    .map(|rgb| rgb.map(|value| quantised(word, value) as i32));
+                (words.collect(), beyond)
+            })
+            .unzip();
+        self.harmonics = Some(of_machine);
+        let beyond: usize = beyond.iter().sum();
+        if beyond > 0 {
+            self.notes.push(format!(
+                "{beyond} of {} coefficients of harmonics are outside of {least} to {most}, which colour.coefficient holds",
+                3 * harmonics.coefficients.len()
+            ));
+        }
+        words.concat()
     }
 
     fn sheets(&mut self, scene: &Scene) -> Option<frame::Sheets> {

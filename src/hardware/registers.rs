@@ -28,7 +28,7 @@ use rtl_model::units::shade::reflect::real::{Mirror, Surroundings};
 use std::f64::consts::TAU;
 
 /// Input words of the machine: the splat's record, and the registers of a frame.
-pub const INPUTS: [&str; 30] = [
+pub const INPUTS: [&str; 31] = [
     "splat.position",
     "splat.normal",
     "splat.radius",
@@ -48,6 +48,7 @@ pub const INPUTS: [&str; 30] = [
     "ellipse.normal",
     "ellipse.quaternion",
     "ellipse.scale",
+    "colour.coefficient",
     "raster.cutoff",
     "gauss.weight",
     "fragment.depth",
@@ -252,7 +253,6 @@ impl Registers<'_> {
             &machine.machine.raster,
         );
         let (held, scale) = (&quantised.frame.view, &quantised.scale);
-        let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
         let (kernel, near) = (&scene.kernel, scene.camera.near * scale.factor());
         let guard = |axis: usize| {
             hold.hold(
@@ -274,7 +274,7 @@ impl Registers<'_> {
                     held.rotation[row],
                 )
             }),
-            eye: vector(hold, "project.eye", eye, p.eye, held.eye),
+            eye: self.eye_word(hold),
             near: hold.hold("project.depth", near, p.depth, held.near),
             guard: [guard(0), guard(1)],
             focal: hold.hold("project.focal", focal_px, p.focal, held.focal),
@@ -343,14 +343,15 @@ impl Registers<'_> {
         let of =
             |name, value: f64, word: Word, held: i32| hold.hold(name, value, word, i64::from(held));
         let position = (exact.position - DVec3::from_array(scale.offset)) * scale.factor();
+        let position = vector(
+            hold,
+            "splat.position",
+            position,
+            words.position,
+            held.position.map(i64::from),
+        );
         Splat {
-            position: vector(
-                hold,
-                "splat.position",
-                position,
-                words.position,
-                held.position.map(i64::from),
-            ),
+            position,
             normal: vector(
                 hold,
                 "splat.normal",
@@ -364,17 +365,67 @@ impl Registers<'_> {
                 words.radius,
                 held.radius,
             ),
-            rgb: [0, 1, 2].map(|channel| {
-                of(
-                    "splat.rgb",
-                    exact.rgb[channel],
-                    words.rgb,
-                    held.rgb[channel],
-                )
+            rgb: self.colour(hold, index, position).unwrap_or_else(|| {
+                [0, 1, 2].map(|channel| {
+                    of(
+                        "splat.rgb",
+                        exact.rgb[channel],
+                        words.rgb,
+                        held.rgb[channel],
+                    )
+                })
             }),
             opacity: of("splat.opacity", exact.opacity, words.opacity, held.opacity),
             turned: None,
         }
+    }
+
+    /// Colour of a splat at a position from its harmonics; `None` where the machine's input has
+    /// colours.
+    fn colour<H: Hold>(
+        &self,
+        hold: &H,
+        index: usize,
+        position: [H::Real; 3],
+    ) -> Option<[H::Real; 3]> {
+        let (unit, word) = (
+            self.machine.colour()?,
+            self.machine.machine.colour?.coefficient,
+        );
+        let (exact, held) = (
+            self.scene.ellipsoids.as_ref()?.harmonics.as_ref()?,
+            self.quantised.frame.ellipsoids.as_ref()?,
+        );
+        let each = (usize::from(exact.degree) + 1).pow(2);
+        let of = |index: usize| index * each..(index + 1) * each;
+        let of_machine = self.quantised.harmonics.as_ref()?;
+        let own = of_machine.of(&exact.coefficients[of(index)]);
+        let coefficients = own.zip(&held.coefficients[of(index)]);
+        let coefficients = coefficients.map(|(exact, held)| {
+            [0, 1, 2].map(|channel| {
+                hold.hold(
+                    "colour.coefficient",
+                    exact[channel],
+                    word,
+                    i64::from(held[channel]),
+                )
+            })
+        });
+        Some(unit.real(position, self.eye_word(hold), coefficients))
+    }
+
+    /// The eye, machine units.
+    fn eye_word<H: Hold>(&self, hold: &H) -> [H::Real; 3] {
+        let scale = &self.quantised.scale;
+        let eye = (self.eye.eye - DVec3::from_array(scale.offset)) * scale.factor();
+        let word = self.machine.machine.project.eye;
+        vector(
+            hold,
+            "project.eye",
+            eye,
+            word,
+            self.quantised.frame.view.eye,
+        )
     }
 
     /// Ellipsoid of a splat; `None` where splats are discs.

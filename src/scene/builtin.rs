@@ -28,7 +28,7 @@ pub enum Builtin {
 }
 
 /// Built-in scenes that are not clouds: volumes and Gaussians.
-const MEDIA: [(&str, &str); 4] = [
+const MEDIA: [(&str, &str); 5] = [
     (
         "marschner-lobb",
         include_str!("builtin/marschner-lobb.json"),
@@ -36,6 +36,7 @@ const MEDIA: [(&str, &str); 4] = [
     ("nested-shells", include_str!("builtin/nested-shells.json")),
     ("fuzzy-clouds", include_str!("builtin/fuzzy-clouds.json")),
     ("bouquet", include_str!("builtin/bouquet.json")),
+    ("city", include_str!("builtin/city.json")),
 ];
 
 /// The scene of a name without further fields.

@@ -1,7 +1,9 @@
 //! Digest: computes the SHA-256 of a text, or of everything in a scene that is drawn.
 
 use super::tree::cut::DetailRules;
-use super::{Camera, Ellipsoids, Filter, Kernel, Orientation, Scene, Sheet, Sheets, Splat};
+use super::{
+    Camera, Ellipsoids, Filter, Harmonics, Kernel, Orientation, Scene, Sheet, Sheets, Splat,
+};
 use crate::output::text::hex;
 use sha2::{Digest, Sha256};
 
@@ -78,9 +80,17 @@ pub fn digest_of(scene: &Scene) -> String {
     }) = ellipsoids
     {
         sha.update(format!("{amplitude:?}{preshaded}{sorted}"));
-        // Harmonics do not change the picture, but the memory traffic.
-        if *harmonics > 0 {
-            sha.update([*harmonics]);
+        if let Some(Harmonics {
+            degree,
+            turn,
+            coefficients,
+        }) = harmonics
+        {
+            sha.update([*degree]);
+            add(&mut sha, &turn.to_array());
+            for coefficient in coefficients.as_flattened() {
+                sha.update(coefficient.to_le_bytes());
+            }
         }
         for Orientation { rotation, scales } in orientations {
             add(

@@ -13,6 +13,7 @@
 //! - Memory is reserved only up to what the file's length supports.
 
 mod bouquet;
+mod city;
 mod float_ply;
 pub(super) mod gltf;
 mod harmonics;
@@ -21,7 +22,8 @@ pub(super) mod splat;
 pub(super) mod spz;
 
 pub use bouquet::bouquet;
-pub use harmonics::colour;
+pub use city::city;
+pub use harmonics::{MachineHarmonics, colour};
 
 use super::ply;
 use glam::{DQuat, DVec3, DVec4};
@@ -62,6 +64,11 @@ pub struct Gaussians {
 pub const SMALLEST_SCALE: f64 = super::LEAST_RADIUS;
 
 impl Gaussians {
+    /// All coefficients, and their degree; `None` where colours are the same from all directions.
+    pub(super) fn into_harmonics(self) -> Option<(u8, Vec<[f32; 3]>)> {
+        (self.degree > 0).then_some((self.degree as u8, self.harmonics))
+    }
+
     /// Coefficients of red, green and blue of a Gaussian, for [`colour`]: 1, 4, 9 or 16 by degree.
     ///
     /// # Panics

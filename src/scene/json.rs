@@ -9,8 +9,8 @@ use super::gaussians::{Gaussian, Gaussians};
 use super::volume::{Arrays, RawDescription, Samples};
 use super::voxels::{Classification, MOST_OPACITY, TransferPoint, Voxels, depth_of_layer};
 use super::{
-    Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity,
-    Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
+    Amplitude, Camera, Ellipsoids, Harmonics, Image, Kernel, LEAST_RADIUS, Light, Material,
+    Opacity, Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
 };
 use super::{Environment, Mirror, environment::BuiltinEnvironment};
 use super::{
@@ -259,6 +259,10 @@ struct GaussianSource {
     #[serde(default = "gaussian_count")]
     #[schemars(range(min = 1, max = 67_108_864))]
     count: usize,
+    /// Degree of the spherical harmonics of the colours; 0: the same colour from all directions.
+    #[serde(default)]
+    #[schemars(range(max = 3))]
+    degree: u8,
 }
 
 #[derive(Deserialize, JsonSchema, Clone, Copy)]
@@ -266,6 +270,8 @@ struct GaussianSource {
 enum BuiltinGaussians {
     /// Flowers: flat petals, thin stems, and a haze behind them.
     Bouquet,
+    /// A street between houses and trees, with the statistics of trained scenes.
+    City,
 }
 
 /// A file of a known format, relative to the scene file; a file of plain samples; or a built-in
@@ -1263,7 +1269,7 @@ impl Medium {
                     amplitude: Amplitude::Disc,
                     preshaded: false,
                     sorted: false,
-                    harmonics: 0,
+                    harmonics: None,
                 });
             }
             Medium::Gaussians(gaussians, turn) => {
@@ -1276,7 +1282,14 @@ impl Medium {
                     .iter()
                     .map(|gaussian| of_gaussian(gaussian, turn))
                     .collect();
-                let harmonics = gaussians.degree as u8;
+                let harmonics =
+                    gaussians
+                        .into_harmonics()
+                        .map(|(degree, coefficients)| Harmonics {
+                            degree,
+                            turn,
+                            coefficients: Arc::new(coefficients),
+                        });
                 scene.ellipsoids = Some(Ellipsoids {
                     orientations,
                     amplitude: Amplitude::Peak,
@@ -1487,10 +1500,20 @@ impl<'a> Gathered<'a> {
             Source::Splat(splat) => self.add_splat(splat, path),
             Source::Volume(volume) => self.add_volume(volume, path),
             Source::Gaussians(GaussianSource {
-                gaussians: BuiltinGaussians::Bouquet,
+                gaussians,
                 count,
+                degree,
             }) => {
-                self.take_gaussians(gaussians::bouquet(*count), [1.0; 2]);
+                if *degree > 3 {
+                    return Err(
+                        self.input_error(format!("{path}.degree is {degree}: 0 to 3 are possible"))
+                    );
+                }
+                let make = match gaussians {
+                    BuiltinGaussians::Bouquet => gaussians::bouquet,
+                    BuiltinGaussians::City => gaussians::city,
+                };
+                self.take_gaussians(make(*count, *degree), [1.0; 2]);
                 Ok(())
             }
             Source::Placed(source) => self.add_placed(source, path),

@@ -32,6 +32,7 @@ pub(crate) mod validate;
 pub use builtin::{Builtin, names};
 pub use camera_file::CameraFile;
 pub use environment::{Environment, Mirror};
+pub use gaussians::MachineHarmonics;
 pub use json::{MOST_PIXELS, schema};
 pub use path::MOST_FRAMES;
 pub use sequence::Sequence;
@@ -191,9 +192,20 @@ pub struct Ellipsoids {
     pub preshaded: bool,
     /// Drawn in the order of depth, nearest first; equal depths in input order.
     pub sorted: bool,
-    /// Degree of the spherical harmonics that splats have instead of colours, 0 to 3; their rgb is
-    /// evaluated for this camera.
-    pub harmonics: u8,
+    /// Spherical harmonics that splats have instead of colours; their rgb is evaluated for this
+    /// camera. `None` where a colour is the same from all directions.
+    pub harmonics: Option<Harmonics>,
+}
+
+/// Spherical harmonics of splats' colours (`gaussians::colour`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Harmonics {
+    /// Degree, 1 to 3.
+    pub degree: u8,
+    /// Rotation from the axes of the harmonics to the world.
+    pub turn: DQuat,
+    /// Red, green and blue of `(degree + 1)²` coefficients for each splat in turn.
+    pub coefficients: Arc<Vec<[f32; 3]>>,
 }
 
 impl Ellipsoids {

@@ -443,7 +443,7 @@ impl Ellipsoids {
             amplitude: super::Amplitude::LineIntegral,
             preshaded: true,
             sorted,
-            harmonics: 0,
+            harmonics: None,
         }
     }
 }

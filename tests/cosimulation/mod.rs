@@ -76,6 +76,9 @@ pub const OF_WINDOWS: Unit = Unit {
     ..of_itself("windows", &[FRAME, DRAIN, WINDOWS])
 };
 
+/// The unit that only frames with harmonics have.
+pub const OF_HARMONICS: Unit = of_itself("colour", &[FRAME]);
+
 /// All units wired together.
 pub const PIPELINE: Unit = wired("pipeline", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]);
 

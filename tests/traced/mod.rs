@@ -89,6 +89,15 @@ pub fn bouquet(count: u32, side: u32, sheets: &Value) -> String {
     )
 }
 
+/// The same with colours that are harmonics of a degree.
+pub fn harmonics(count: u32, side: u32, degree: u8) -> String {
+    media(
+        &json!({"gaussians": "bouquet", "count": count, "degree": degree}),
+        side,
+        &json!({}),
+    )
+}
+
 /// A surface in a volume: flattened voxels with individual axes, grouped by depth.
 pub fn isosurface(samples: u32, side: u32) -> String {
     media(

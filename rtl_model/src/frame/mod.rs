@@ -200,9 +200,11 @@ pub struct Ellipsoids {
     pub preshaded: bool,
     /// Splats are drawn in the order of their depths, within the resolution of the sort's key.
     pub sorted: bool,
-    /// Degree of the spherical harmonics of the colours in memory; the frame holds their values for
-    /// this view. 0 where memory holds colours.
+    /// Degree of the spherical harmonics that splats have instead of colours; 0: they have colours.
     pub harmonics: u8,
+    /// Coefficients of the harmonics (`colour.coefficient`), each multiplied by the constant of its
+    /// polynomial: (degree + 1)² for each splat in turn; none if splats have colours.
+    pub coefficients: Vec<[i32; 3]>,
 }
 
 /// Meaning of a sheet.

@@ -213,12 +213,44 @@ pub struct Ellipsoid {
     pub reach_bits: Option<u32>,
 }
 
-/// The unit `colour`: harmonics of trained Gaussians. It has no formats yet: its arithmetic is f64.
+/// Formats of the unit `colour`: harmonics of trained Gaussians → colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct Colour {
     /// Greatest degree of spherical harmonics that the unit evaluates, 1 to 3.
     pub degree: u32,
+    /// Coefficient of a harmonic, multiplied by the constant of the harmonic's polynomial, as the
+    /// splat's record has it.
+    pub coefficient: Word,
+    /// The splat's centre relative to the eye, normalised.
+    pub relative: Word,
+    /// 1/|relative|.
+    pub root: FunctionUnit,
+    /// Unit vector from the eye to the splat.
+    pub direction: Word,
+    /// Product of two coordinates of the direction.
+    pub monomial: Word,
+    /// Polynomial of degree 3 in the direction.
+    pub basis: Word,
+}
+
+impl Default for Colour {
+    fn default() -> Self {
+        let signed = |int_bits, frac_bits| Word::new(Format::signed(int_bits, frac_bits));
+        Colour {
+            degree: 3,
+            coefficient: signed(4, 14),
+            relative: signed(1, 17),
+            root: FunctionUnit {
+                table_bits: 8,
+                newton_steps: 1,
+                bits: 18,
+            },
+            direction: signed(2, 16),
+            monomial: signed(2, 16),
+            basis: signed(3, 15),
+        }
+    }
 }
 
 /// How a row of the box is started.

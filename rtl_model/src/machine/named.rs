@@ -585,7 +585,7 @@ fn gaussian() -> Machine {
             ellipsoid,
             ..base.ellipse
         },
-        colour: Some(Colour { degree: 3 }),
+        colour: Some(Colour::default()),
         sort: Some(Sort {
             kind: SortKind::Radix,
             key: unsigned(1, 23),

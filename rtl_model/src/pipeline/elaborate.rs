@@ -26,6 +26,8 @@ pub struct Elaborated {
     pub parts: Vec<Part>,
     pub(crate) project: project::Project,
     pub(crate) ellipse: ellipse::Ellipse,
+    /// Harmonics → colour, if the machine evaluates them.
+    pub(crate) colour: Option<colour::Colour>,
     /// Both for discs, on the host.
     pub(crate) discs: Discs,
     /// Depth to key.
@@ -83,6 +85,11 @@ impl Elaborated {
         self.ellipse.inverse_two_pi()
     }
 
+    /// Harmonics → colour, if the machine evaluates them.
+    pub fn colour(&self) -> Option<&colour::Colour> {
+        self.colour.as_ref()
+    }
+
     /// Registers of windows; none where fragments are grouped otherwise.
     pub fn windows(&self, frame: &Frame) -> Option<WindowRegisters> {
         let Frame {
@@ -111,10 +118,10 @@ impl Machine {
     pub fn elaborate(&self) -> Result<Elaborated, Vec<String>> {
         let e = &mut Elaboration::default();
         check_splat(&self.splat, e);
-        colour::declare(e, self);
-        let (project, ellipse) = (
+        let (project, ellipse, colour) = (
             project::Project::new(e, self),
             ellipse::Ellipse::new(e, self),
+            colour::Colour::new(e, self),
         );
         let disc = &ellipse
             .datapath(ellipse.variant(self.ellipse.aspect.is_some(), None))
@@ -129,6 +136,7 @@ impl Machine {
             ),
             project,
             ellipse,
+            colour,
             sort: self.elaborate_sort(e),
             raster: raster::Raster::new(e, self),
             gauss: e.per_lane(|e| gauss::Gauss::new(e, self)),
@@ -208,10 +216,13 @@ impl Machine {
         Paths {
             project: project::path(self),
             ellipse: ellipse::path(self),
-            colour: [1, 2, 3].map(|degree| Harmonics {
-                path: colour::path(degree),
-                products: colour::products(degree),
-                bits: 3 * ((degree + 1) * (degree + 1)) as i32 * colour::COEFFICIENT_BITS[0],
+            colour: [1, 2, 3].map(|degree| {
+                let words = &self.colour.unwrap_or_default();
+                Harmonics {
+                    path: colour::path(self, words, degree),
+                    products: colour::products(words, degree),
+                    bits: colour::bits(words, degree),
+                }
             }),
             raster: raster::path(self),
             gauss: gauss::path(self),

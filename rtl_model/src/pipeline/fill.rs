@@ -243,7 +243,7 @@ impl<'a> DrawnSplat<'a> {
     #[inline(always)]
     fn new(setup: &Setup, frame: &Frame, record: &'a SetupRecord, entry: u32) -> Self {
         let own = &frame.splats[record.splat as usize];
-        let ([n, m, o], mut light) = (record.normal, own.rgb);
+        let ([n, m, o], mut light) = (record.normal, setup.colour(entry).unwrap_or(own.rgb));
         // For windows the sums take a splat's own colour; closed slots take its light.
         if frame.window.is_none()
             && let Some(emission) = setup.emission(entry)

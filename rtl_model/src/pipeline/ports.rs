@@ -6,7 +6,8 @@
 //! project.in ─► project.out ─► ellipse.in ─► ellipse.out ─► raster.in ─► raster.out ─► gauss.in ─► gauss.out ─► fragment.in ─► fragment.out
 //!                                                                 fragment.request ─► fragment.answer      fragment.held ─► resolve.in ─► resolve.out
 //! ```
-//! Ellipsoids also carry their axes, and may be lit before they are drawn (`ellipse.request`,
+//! Ellipsoids also carry their axes, may have harmonics instead of colours (`colour.in`,
+//! `colour.out`, for each splat that leaves `ellipse`), and may be lit before they are drawn (`ellipse.request`,
 //! `ellipse.answer`) and sorted by depth (`sort.in`, `sort.out`). Where fragments are grouped by
 //! sheets, contributions carry the sheet's number instead of depth, normal and opacity. Where they
 //! are grouped by windows, every splat is lit before it is drawn, a contribution also carries its
@@ -22,10 +23,12 @@ use crate::frame::Frame;
 use crate::machine::{Machine, Sight, Window};
 use crate::num::{Format, Word};
 use crate::pipeline::Elaborated;
+use crate::records::unit;
 use crate::records::{
     DiscIn, EllipseOut, EllipsoidIn, FragmentIn, GaussIn, PROJECT_FLAGS, PROJECTED, ProjectOut,
     RasterIn, RasterOut, SHEET_BITS, SheetIn, TRANSPARENT, WindowIn,
 };
+use crate::units::colour;
 use crate::units::raster::Raster;
 
 /// Bits of a column or row.
@@ -46,6 +49,8 @@ pub struct Kind {
     pub ellipsoids: bool,
     /// Splats are lit before they are drawn.
     pub preshaded: bool,
+    /// Degree of the harmonics that the machine evaluates; 0: splats have colours.
+    pub harmonics: u8,
     /// Splats are drawn in depth order.
     pub sorted: bool,
     /// Fragments are grouped by sheets; otherwise by depth.
@@ -64,11 +69,23 @@ impl Kind {
         Kind {
             ellipsoids: ellipsoids.is_some(),
             preshaded: windows || ellipsoids.is_some_and(|ellipsoids| ellipsoids.preshaded),
+            harmonics: ellipsoids.map_or(0, |ellipsoids| ellipsoids.harmonics),
             sorted: ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted),
             sheets: frame.sheets.is_some(),
             windows,
             mirrors: frame.surroundings.is_some(),
         }
+    }
+}
+
+impl Kind {
+    /// The units that have ports in such a frame, in the order of the diagram.
+    pub fn units(self) -> impl Iterator<Item = &'static str> {
+        unit::ALL.into_iter().filter(move |name| match *name {
+            unit::SORT => self.sorted,
+            unit::COLOUR => self.harmonics > 0,
+            _ => true,
+        })
     }
 }
 
@@ -428,6 +445,18 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
         ellipse_in(m, kind),
         ellipse_out(m),
     ];
+    if let (1.., Some(unit)) = (kind.harmonics, &elaborated.colour) {
+        let position = axes(
+            Stream::new("colour.in"),
+            "position",
+            "splat.position",
+            m.splat.position,
+        );
+        streams.extend([
+            coefficients(position, m, unit.coefficients()),
+            Stream::new("colour.out").words(&RGB, "splat.rgb", m.splat.rgb),
+        ]);
+    }
     if kind.preshaded {
         streams.extend([
             sums(Stream::new("ellipse.request"), m),
@@ -492,10 +521,27 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     streams
 }
 
-fn attributes(stream: Stream, m: &Machine) -> Stream {
-    stream
-        .words(&["red", "green", "blue"], "splat.rgb", m.splat.rgb)
-        .word("opacity", "splat.opacity", m.splat.opacity)
+const RGB: [&str; 3] = ["red", "green", "blue"];
+
+/// Coefficients of harmonics.
+fn coefficients(stream: Stream, m: &Machine, count: usize) -> Stream {
+    let word = m.colour.unwrap_or_default().coefficient;
+    (0..count).fold(stream, |stream, nth| {
+        let names = RGB.map(|channel| format!("{channel}_{nth}"));
+        stream.words(
+            &names.each_ref().map(String::as_str),
+            "colour.coefficient",
+            word,
+        )
+    })
+}
+
+/// A splat's colour, or its harmonics.
+fn own_colour(stream: Stream, m: &Machine, kind: Kind) -> Stream {
+    match u32::from(kind.harmonics) {
+        0 => stream.words(&RGB, "splat.rgb", m.splat.rgb),
+        degree => coefficients(stream, m, colour::coefficients(degree)),
+    }
 }
 
 fn pipeline_in(m: &Machine, kind: Kind) -> Stream {
@@ -510,7 +556,9 @@ fn pipeline_in(m: &Machine, kind: Kind) -> Stream {
         "splat.radius",
         m.splat.radius,
     );
-    let splat = attributes(orientation(disc, m, kind), m).naturals(&["material"], MATERIAL_BITS);
+    let splat = own_colour(orientation(disc, m, kind), m, kind)
+        .word("opacity", "splat.opacity", m.splat.opacity)
+        .naturals(&["material"], MATERIAL_BITS);
     if kind.sheets {
         splat.naturals(&["sheet"], SHEET_BITS)
     } else {

@@ -11,6 +11,7 @@ use crate::machine::SortKind;
 use crate::num::{Fit, LANES, Lanes, Words, three, two};
 use crate::probe::{Probe, Tap};
 use crate::records::{EllipseOut, PROJECTED, ProjectOut, SET_UP, TILE_PX};
+use crate::units::colour::{Colour, coefficients};
 use crate::units::ellipse::Ellipse;
 use crate::units::fragment::window::WindowRegisters;
 use crate::units::{ellipse, project, raster, shade};
@@ -49,6 +50,8 @@ pub struct Setup {
     boxes: Vec<Vec<[[u16; 2]; 2]>>,
     /// What they send, block by block, where splats are lit before they are drawn; else none.
     emissions: Vec<Vec<Emission>>,
+    /// Their colours, block by block, where the machine evaluates harmonics; else none.
+    colours: Vec<Vec<[i32; 3]>>,
     /// In which order they are drawn; empty: as they lie there.
     order: Vec<u32>,
     /// Not drawn.
@@ -105,6 +108,15 @@ impl Setup {
             .copied()
     }
 
+    /// The colour of a bin's splat, where the machine evaluates harmonics.
+    #[inline(always)]
+    pub(super) fn colour(&self, entry: u32) -> Option<[i32; 3]> {
+        self.colours
+            .get(entry as usize / BLOCK_SPLATS)?
+            .get(entry as usize % BLOCK_SPLATS)
+            .copied()
+    }
+
     /// Which splats' boxes touch which tile, in the order in which they are drawn.
     pub(super) fn bins(&self, size_px: [u32; 2]) -> Bins {
         if self.order.is_empty() {
@@ -155,6 +167,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         whole.blocks.extend(part.blocks);
         whole.boxes.extend(part.boxes);
         whole.emissions.extend(part.emissions);
+        whole.colours.extend(part.colours);
         whole.culled.absorb(&part.culled);
         probe.absorb(fork);
     }
@@ -209,9 +222,10 @@ fn set_up_block<P: Probe>(
     let lit = lit.as_ref();
     let mut out = Block::of(splats.len());
     let is_disc = frame.ellipsoids.is_none();
+    let is_coloured = has_harmonics(machine, frame);
     // What cannot be set up is not drawn.
     if !is_disc && machine.machine.ellipse.ellipsoid.is_none() {
-        return out.done(is_lit);
+        return out.done(is_lit, is_coloured);
     }
     if is_disc
         && !P::WORDS
@@ -227,7 +241,7 @@ fn set_up_block<P: Probe>(
             probe,
             out: &mut out,
         });
-        return out.done(is_lit);
+        return out.done(is_lit, false);
     }
     let (mut stages, mut again) = (Stages::new(machine, frame), None);
     let at_a_time = if P::TRANSFERS { 1 } else { BATCH };
@@ -252,7 +266,16 @@ fn set_up_block<P: Probe>(
             },
         );
     }
-    out.done(is_lit)
+    out.done(is_lit, is_coloured)
+}
+
+/// Whether the machine evaluates the splats' harmonics.
+fn has_harmonics(machine: &Elaborated, frame: &Frame) -> bool {
+    machine.colour.is_some()
+        && frame
+            .ellipsoids
+            .as_ref()
+            .is_some_and(|ellipsoids| ellipsoids.harmonics > 0)
 }
 
 /// Sets discs up by the host's kernel, for a probe that observes none of their words.
@@ -298,17 +321,19 @@ impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
             };
             let made = discs.set_up::<L::Words>(&view, size_px, eight);
             let live = ((1u32 << given.len()) - 1) as u8;
-            keep(&made, given, live, first, lit, probe, out);
+            keep(&made, given, None, live, first, lit, probe, out);
         }
     }
 }
 
-/// The graphs of both units, with rows for a batch.
+/// The graphs of the units, with rows for a batch.
 struct Stages<'a> {
     frame: &'a Frame,
     ellipse: &'a Ellipse,
     project: (&'a Program, Batch),
     footprint: (&'a Program, Batch),
+    /// If the machine evaluates the splats' harmonics.
+    colour: Option<(&'a Colour, Batch)>,
 }
 
 impl<'a> Stages<'a> {
@@ -333,11 +358,24 @@ impl<'a> Stages<'a> {
         for (input, register) in (variant.inputs()..).zip(registers) {
             footprint.1.set_all(footprint.0, input, register);
         }
+        let colour = machine
+            .colour
+            .as_ref()
+            .filter(|_| has_harmonics(machine, frame));
+        let colour = colour.map(|colour| {
+            let program = colour.program();
+            let mut batch = program.batch();
+            for (input, part) in (Colour::EYE..).zip(frame.view.eye) {
+                batch.set_all(program, input, part);
+            }
+            (colour, batch)
+        });
         Stages {
             frame,
             ellipse,
             project: point,
             footprint,
+            colour,
         }
     }
 
@@ -376,12 +414,35 @@ impl<'a> Stages<'a> {
                 footprint,
             );
         }
-        run::<P, _>(Run {
+        let left = run::<P, _>(Run {
             program,
             batch: footprint,
             live: &left[..rows],
             probe,
         });
+        if P::TRANSFERS {
+            let made = std::array::from_fn(|output| point.row(project, output, 0)[0].into());
+            let ellipse = std::array::from_fn(|output| footprint.row(program, output, 0)[0].into());
+            let transparent = point.input_row(project, 3, 0)[0] != 0;
+            probe.set_up(
+                first,
+                projected_words(made, transparent),
+                ellipse_words(ellipse),
+            );
+        }
+        if let Some((colour, batch)) = &mut self.colour {
+            load_harmonics(self.frame, colour, batch, splats, first);
+            run::<P, _>(Run {
+                program: colour.program(),
+                batch,
+                live: &left[..rows],
+                probe,
+            });
+            if P::TRANSFERS && left[0] & 1 != 0 {
+                let rgb = [0, 1, 2].map(|channel| batch.row(colour.program(), channel, 0)[0]);
+                probe.coloured(first, rgb);
+            }
+        }
         run::<P, _>(Kept {
             stages: self,
             splats,
@@ -517,6 +578,39 @@ impl Stages<'_> {
     }
 }
 
+/// Puts splats' positions and coefficients into the rows of `colour`. Rows of coefficients above the
+/// frame's degree keep their zeros.
+fn load_harmonics(frame: &Frame, colour: &Colour, batch: &Batch, splats: &[Splat], first: u32) {
+    let Some(ellipsoids) = &frame.ellipsoids else {
+        return;
+    };
+    let (program, each) = (
+        colour.program(),
+        coefficients(u32::from(ellipsoids.harmonics)).min(colour.coefficients()),
+    );
+    let stride = coefficients(u32::from(ellipsoids.harmonics));
+    for (row, given) in splats.chunks(LANES).enumerate() {
+        for axis in 0..3 {
+            let mut words = [0; LANES];
+            for (word, splat) in words.iter_mut().zip(given) {
+                *word = splat.position[axis];
+            }
+            batch.set_row(program, axis, row, words);
+        }
+        let at = stride * (first as usize + row * LANES);
+        let own = ellipsoids.coefficients.get(at..).unwrap_or_default();
+        for coefficient in 0..each {
+            for channel in 0..3 {
+                let mut words = [0; LANES];
+                for (word, own) in words.iter_mut().zip(own.chunks(stride)).take(given.len()) {
+                    *word = own.get(coefficient).map_or(0, |rgb| rgb[channel]);
+                }
+                batch.set_row(program, Colour::input(coefficient, channel), row, words);
+            }
+        }
+    }
+}
+
 /// The lights and materials of a frame, for splats that are lit before they are drawn.
 struct Lit<'a> {
     machine: &'a Elaborated,
@@ -551,6 +645,7 @@ impl<'a> Lit<'a> {
     fn emissions<P: Probe>(
         &self,
         splats: &[Splat],
+        rgb: [[i32; LANES]; 3],
         first: u32,
         normals: [[i32; LANES]; 3],
         live: u8,
@@ -565,6 +660,7 @@ impl<'a> Lit<'a> {
                 machine: self.machine,
                 lights: &lights,
                 splats,
+                rgb,
                 normals,
                 live,
                 probe,
@@ -573,25 +669,25 @@ impl<'a> Lit<'a> {
         let mut light = [[0; LANES]; 3];
         for (lane, splat) in splats.iter().enumerate() {
             if live & (1 << lane) != 0 {
-                let normal = normals.map(|part| part[lane]);
-                let rgb = self.emission(&lights, splat, first + lane as u32, normal, probe);
-                (0..3).for_each(|channel| light[channel][lane] = rgb[channel]);
+                let [rgb, normal] = [rgb, normals].map(|part| part.map(|part| part[lane]));
+                let sent = (splat.material, rgb, normal);
+                let sent = self.emission(&lights, sent, first + lane as u32, probe);
+                (0..3).for_each(|channel| light[channel][lane] = sent[channel]);
             }
         }
         light
     }
 
-    /// The light that one splat sends.
+    /// The light that one splat sends, from its material, colour and normal.
     fn emission<P: Probe>(
         &self,
         lights: &shade::LightRegisters,
-        splat: &Splat,
+        (material, rgb, normal): (u32, [i32; 3], [i32; 3]),
         number: u32,
-        normal: [i32; 3],
         probe: &mut P,
     ) -> [i32; 3] {
         let tap = &mut Tap::new(probe);
-        let input = emitting(self.machine, splat.rgb, normal, splat.material, tap);
+        let input = emitting(self.machine, rgb, normal, material, tap);
         if P::WORK && lights.surroundings.is_some() {
             tap.probe.lit();
         }
@@ -615,6 +711,7 @@ struct Block {
     records: Vec<SetupRecord>,
     boxes: Vec<[[u16; 2]; 2]>,
     emissions: Vec<Emission>,
+    colours: Vec<[i32; 3]>,
     culled: Culled,
 }
 
@@ -625,23 +722,20 @@ impl Block {
             records: Vec::with_capacity(splats),
             boxes: Vec::with_capacity(splats),
             emissions: Vec::new(),
+            colours: Vec::new(),
             culled: Culled::default(),
         }
     }
 
     /// All of them, without the room that was kept for those that fell out.
-    fn done(mut self, is_lit: bool) -> Setup {
+    fn done(mut self, is_lit: bool, is_coloured: bool) -> Setup {
         self.records.shrink_to_fit();
         self.boxes.shrink_to_fit();
-        let emissions = if is_lit {
-            vec![self.emissions]
-        } else {
-            Vec::new()
-        };
         Setup {
             blocks: vec![self.records],
             boxes: vec![self.boxes],
-            emissions,
+            emissions: is_lit.then_some(self.emissions).into_iter().collect(),
+            colours: is_coloured.then_some(self.colours).into_iter().collect(),
             order: Vec::new(),
             culled: self.culled,
         }
@@ -673,26 +767,15 @@ impl<P: Probe> Kernel for Kept<'_, '_, '_, P> {
             probe,
             out,
         } = self;
-        if P::TRANSFERS {
-            let Stages {
-                project: (project, point),
-                footprint: (program, footprint),
-                ..
-            } = stages;
-            let made = std::array::from_fn(|output| point.row(project, output, 0)[0].into());
-            let ellipse = std::array::from_fn(|output| footprint.row(program, output, 0)[0].into());
-            let transparent = point.input_row(project, 3, 0)[0] != 0;
-            probe.set_up(
-                first,
-                projected_words(made, transparent),
-                ellipse_words(ellipse),
-            );
-        }
         for (row, own) in splats.chunks(LANES).enumerate() {
             probe.item(row);
+            let rgb = stages.colour.as_ref().map(|(colour, batch)| {
+                [0, 1, 2].map(|channel| batch.row(colour.program(), channel, row))
+            });
             keep(
                 &stages.made::<L::Words>(row),
                 own,
+                rgb,
                 live[row],
                 first + (row * LANES) as u32,
                 lit,
@@ -720,11 +803,17 @@ pub(super) struct Made<W> {
     pub normal: [W; 3],
 }
 
-/// Keeps those of eight splats that are not culled.
+/// Keeps those of eight splats that are not culled; `rgb` are their colours, if the machine evaluates
+/// harmonics.
 #[inline(always)]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "one call for each way to set splats up"
+)]
 fn keep<W: Words, P: Probe>(
     made: &Made<W>,
     splats: &[Splat],
+    rgb: Option<[[i32; LANES]; 3]>,
     live: u8,
     first: u32,
     lit: Option<&Lit>,
@@ -774,7 +863,14 @@ fn keep<W: Words, P: Probe>(
     let light = match lit {
         Some(lit) if left != 0 => {
             let normals = made.normal.map(W::to_array);
-            lit.emissions(splats, first, normals, left, probe)
+            let own = || {
+                let mut own = [[0; LANES]; 3];
+                for (lane, splat) in splats.iter().enumerate().take(LANES) {
+                    (0..3).for_each(|channel| own[channel][lane] = splat.rgb[channel]);
+                }
+                own
+            };
+            lit.emissions(splats, rgb.unwrap_or_else(own), first, normals, left, probe)
         }
         _ => [[0; LANES]; 3],
     };
@@ -789,6 +885,9 @@ fn keep<W: Words, P: Probe>(
                 light: light.map(|channel| channel[lane]),
                 density: lit.density(own, probe),
             });
+        }
+        if let Some(rgb) = rgb {
+            out.colours.push(rgb.map(|channel| channel[lane]));
         }
         if P::WORK {
             probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);

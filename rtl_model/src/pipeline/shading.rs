@@ -162,6 +162,8 @@ pub(super) struct EmitEight<'a, P> {
     pub machine: &'a Elaborated,
     pub lights: &'a shade::LightRegisters<'a>,
     pub splats: &'a [Splat],
+    /// Colours, by channel.
+    pub rgb: [[i32; LANES]; 3],
     /// Camera-space normals, by part.
     pub normals: [[i32; LANES]; 3],
     /// The splats that are drawn.
@@ -179,15 +181,14 @@ impl<P: Probe> Kernel for EmitEight<'_, P> {
             machine,
             lights,
             splats,
+            rgb,
             normals,
             live,
             probe,
         } = self;
         let mut materials = [0; LANES];
-        let mut rgb = [[0; LANES]; 3];
         for (lane, splat) in splats.iter().enumerate().take(LANES) {
             materials[lane] = splat.material;
-            (0..3).for_each(|i| rgb[i][lane] = splat.rgb[i]);
         }
         let tap = &mut Tap::new(&mut *probe);
         tap.live = live;

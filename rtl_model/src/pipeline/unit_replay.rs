@@ -140,6 +140,22 @@ pub fn ellipsoid(
     ))
 }
 
+/// `colour`: takes a record of `colour.in`. `None` where the machine has no such unit.
+pub fn colour(
+    machine: &Elaborated,
+    frame: &Frame,
+    words: &[i64],
+    observer: &mut dyn Observer<'_>,
+) -> Option<[i64; 3]> {
+    let (position, coefficients) = words.split_at_checked(3)?;
+    let inputs = [position, &frame.view.eye, coefficients].concat();
+    let unit = machine.colour.as_ref()?;
+    Some(
+        unit.graph()
+            .one(&inputs, &mut Tap::new(&mut DynProbe::new(observer))),
+    )
+}
+
 /// Request to `shade` for a splat with this colour, normal and material, before it is drawn:
 /// `ellipse.request`.
 pub fn emission(

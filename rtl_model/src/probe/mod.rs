@@ -142,6 +142,9 @@ pub trait Probe: Send + Sync + Sized {
     /// shaded yet.
     #[inline(always)]
     fn held(&mut self, _fragments: u8, _shades: u8) {}
+    /// The colour of a splat that left setup, from its harmonics, after [`Probe::set_up`] of the
+    /// splat.
+    fn coloured(&mut self, _splat: u32, _rgb: [i32; 3]) {}
     /// A splat left setup with these words of `project.out` and of `ellipse.out`, before any
     /// masking.
     fn set_up(&mut self, _splat: u32, _project: [i64; PROJECTED], _ellipse: [i64; SET_UP]) {}

@@ -36,6 +36,8 @@ pub trait Observer<'w>: Send + Sync {
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
     /// As [`Probe::set_up`].
     fn set_up(&mut self, _splat: u32, _project: [i64; PROJECTED], _ellipse: [i64; SET_UP]) {}
+    /// As [`Probe::coloured`].
+    fn coloured(&mut self, _splat: u32, _rgb: [i32; 3]) {}
     /// As [`Probe::sorted`].
     fn sorted(&mut self, _order: Vec<u32>) {}
     /// As [`Probe::emitted`].
@@ -122,6 +124,9 @@ impl<const EVERYTHING: bool> Probe for DynProbe<'_, '_, EVERYTHING> {
     }
     fn set_up(&mut self, splat: u32, project: [i64; PROJECTED], ellipse: [i64; SET_UP]) {
         self.observer().set_up(splat, project, ellipse);
+    }
+    fn coloured(&mut self, splat: u32, rgb: [i32; 3]) {
+        self.observer().coloured(splat, rgb);
     }
     fn sorted(&mut self, order: Vec<u32>, _keys: Vec<u32>) {
         self.observer().sorted(order);

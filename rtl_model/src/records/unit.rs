@@ -24,18 +24,18 @@ pub const REFLECT: &str = "reflect";
 pub const RESOLVE: &str = "resolve";
 
 /// All units with words and ports, in the order of the diagram. Every list of units uses this one.
-pub const ALL: [&str; 8] = [
-    PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE,
+pub const ALL: [&str; 9] = [
+    PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE,
 ];
 
-/// All units with parts. Colour, and fetch where it walks trees, have no words yet.
+/// All units with parts. Fetch, where it walks trees, has no words.
 pub const BUILT: [&str; 11] = [
     FETCH, PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
 ];
 
 /// All units with words: those with ports, and reflect, which is inside shade and shares its ports.
-pub const WORDED: [&str; 9] = [
-    PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
+pub const WORDED: [&str; 10] = [
+    PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
 ];
 
 /// `units`, with `first` in front.

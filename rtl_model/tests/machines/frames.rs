@@ -146,6 +146,9 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         .reach_bits
         .filter(|_| w.rng.below(4) > 0)
         .map_or(0, |bits| 1 << bits);
+    let harmonics = machine
+        .colour
+        .map_or(0, |colour| w.rng.below(u64::from(colour.degree) + 1) as u8);
     frame.ellipsoids = Some(Ellipsoids {
         kernel: Kernel {
             amplitude,
@@ -164,10 +167,23 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         own,
         preshaded: w.rng.below(2) == 0,
         sorted: machine.sort.is_some(),
-        harmonics: machine
-            .colour
-            .map_or(0, |colour| w.rng.below(u64::from(colour.degree) + 1) as u8),
+        harmonics,
+        coefficients: Vec::new(),
     });
+    // After the other random numbers, so that the rest of the frame does not change.
+    let mut of_colour = Words {
+        rng: Rng(!w.rng.0),
+        wildness,
+    };
+    let of_degree = (usize::from(harmonics) + 1).pow(2);
+    let words = machine.colour.filter(|_| harmonics > 0);
+    if let (Some(words), Some(ellipsoids)) = (words, &mut frame.ellipsoids) {
+        ellipsoids.coefficients = (0..count * of_degree)
+            .map(|_| {
+                std::array::from_fn(|_| of_colour.between(words.coefficient, -1.0, 1.0) as i32)
+            })
+            .collect();
+    }
     let weight = machine.gauss.weight;
     let ratio = if w.rng.below(4) > 0 {
         (1 << sheets.table.index_bits) + 1

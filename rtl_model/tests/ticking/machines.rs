@@ -29,7 +29,7 @@ pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
 pub fn elaborate(timing: Timing) -> Microarchitecture {
     let mut machine = Machine::named("tiny").unwrap();
     machine.timing = timing;
-    machine.colour = Some(machine::Colour { degree: 3 });
+    machine.colour = Some(machine::Colour::default());
     machine.elaborate().unwrap().timing
 }
 

@@ -55,6 +55,12 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
                 .filter(|_| frame.ellipsoids.is_some())
                 .map(|unit| ("ellipse.ray_root", unit.shape())),
         )
+        .chain(
+            machine
+                .colour()
+                .filter(|_| Kind::of(frame).harmonics > 0)
+                .map(|unit| ("colour.root", unit.root().shape())),
+        )
         .chain(frame.ellipsoids.iter().map(|_| {
             let none = FunctionUnit {
                 table_bits: 0,
@@ -196,6 +202,9 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         ("LIGHTS", frame.lighting.lights.len() as i64),
         ("MATERIALS", frame.lighting.materials.len() as i64),
     ];
+    if let (1.., Some(colour)) = (Kind::of(frame).harmonics, &m.colour) {
+        all.push(("COLOUR_DEGREE".into(), colour.degree.into()));
+    }
     if let (Some(_), Some(words)) = (&frame.surroundings, &m.reflect) {
         all.push(("REFLECT_INDEX_BITS".into(), words.index_bits.into()));
     }
@@ -222,6 +231,10 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         ("SHADE", t.shade),
         ("RESOLVE", t.resolve),
     ];
+    let colour = t.colour.last().filter(|_| Kind::of(frame).harmonics > 0);
+    let paces = paces
+        .into_iter()
+        .chain(colour.map(|of| ("COLOUR", of.pace)));
     for (unit, pace) in paces {
         all.push((format!("{unit}_LATENCY"), pace.latency.into()));
         all.push((format!("{unit}_INTERVAL"), pace.interval.into()));

@@ -142,6 +142,14 @@ pub struct Shaded {
     pub flags: u8,
 }
 
+/// A splat whose colour comes from harmonics.
+#[derive(Clone, Copy, Debug)]
+pub struct Coloured {
+    pub splat: u32,
+    pub rgb: [i32; 3],
+    pub flags: u8,
+}
+
 /// A splat that is lit before it is drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct Emitted {
@@ -171,6 +179,8 @@ pub struct Observations {
     /// Splats before this one are drawn, but not logged.
     pub first_splat: u32,
     pub set_up: Vec<SetUpTransfer>,
+    /// If colours come from harmonics: one per splat that left setup.
+    pub coloured: Vec<Coloured>,
     /// If splats are lit before they are drawn: one per splat.
     pub emitted: Vec<Emitted>,
     /// If splats are sorted: for each drawn splat, by its number, its index in drawing order.
@@ -390,6 +400,7 @@ impl probe::Observer<'static> for Observations {
             return;
         };
         self.set_up.extend(fork.set_up);
+        self.coloured.extend(fork.coloured);
         self.emitted.extend(fork.emitted);
         self.walked.extend(fork.walked);
         self.arrivals.extend(fork.arrivals);
@@ -424,6 +435,13 @@ impl probe::Observer<'static> for Observations {
                 ellipse,
                 flags,
             });
+        }
+    }
+
+    fn coloured(&mut self, splat: u32, rgb: [i32; 3]) {
+        let flags = self.flush();
+        if splat >= self.first_splat {
+            self.coloured.push(Coloured { splat, rgb, flags });
         }
     }
 

@@ -60,6 +60,12 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
             unit.guesses(),
         ));
     }
+    if let (Some(ellipsoids), Some(unit)) = (&frame.ellipsoids, machine.colour())
+        && ellipsoids.harmonics > 0
+    {
+        let root = unit.root();
+        all.push(initial_values("colour.root", root.shape(), root.guesses()));
+    }
     if let (Some(_), Some(unit)) = (&frame.window, machine.fragment.window_reciprocal()) {
         all.push(initial_values(
             "fragment.window.reciprocal",

@@ -177,8 +177,9 @@ pub fn stimulus(
         Kind { windows: true, .. } => Maker::windows,
         _ => Maker::fragments,
     };
-    let makers: [(&[&str], Make<'_>); 7] = [
+    let makers: [(&[&str], Make<'_>); 8] = [
         (&["project", "ellipse"], Maker::splats),
+        (&["colour"], Maker::colour),
         (&["sort"], Maker::sort),
         (&["raster"], Maker::raster),
         (&["gauss"], Maker::gauss),
@@ -489,6 +490,56 @@ impl Maker<'_> {
             }
             first = self.tag("project.in", &kind, first);
             first_disc = self.tag("ellipse.in", &kind, first_disc);
+        }
+    }
+
+    /// Cases of `colour`: corners and random words; also positions near the eye, and at it.
+    fn colour(&mut self) {
+        if Kind::of(self.frame).harmonics == 0 {
+            return;
+        }
+        let mut first = 0;
+        let formats = self.formats("colour.in");
+        let mut kinds = self.words(&formats);
+        let (position, eye) = (
+            self.machine.machine.splat.position.format,
+            self.machine.machine.project.eye.format,
+        );
+        let mut near = kinds
+            .last()
+            .map_or_else(Vec::new, |(_, random)| random.clone());
+        let shift = position.frac_bits - eye.frac_bits;
+        for (words, way) in near.iter_mut().zip(0..) {
+            for (word, from) in words.iter_mut().zip(self.frame.view.eye) {
+                let at = if shift < 0 {
+                    from >> -shift
+                } else {
+                    from << shift
+                };
+                // The first is at the eye, the next are farther and farther away.
+                let by = if way == 0 {
+                    0
+                } else {
+                    *word >> (position.width() - 1 - way % position.width())
+                };
+                *word = (at + by).clamp(position.min(), position.max());
+            }
+        }
+        kinds.push(("near the eye".into(), near));
+        for (kind, records) in kinds {
+            for words in records {
+                let input = self.push("colour.in", words.clone(), key(UNKNOWN));
+                let made = unit_replay::colour(self.machine, self.frame, &words, &mut self.seen);
+                let flags = self.seen.flush();
+                let output = Key {
+                    flags,
+                    ..key(input)
+                };
+                if let Some(rgb) = made {
+                    self.push("colour.out", rgb.to_vec(), output);
+                }
+            }
+            first = self.tag("colour.in", &kind, first);
         }
     }
 

@@ -297,13 +297,11 @@ impl<'a> Transfers<'a> {
                         .map(|&word| i64::from(word)),
                 );
                 self.orientation(set_up[i].splat, words);
-                words.extend(
-                    s.rgb
-                        .iter()
-                        .chain([&s.opacity])
-                        .map(|&word| i64::from(word)),
-                );
-                words.push(s.material.into());
+                match self.coefficients(set_up[i].splat) {
+                    [] => words.extend(s.rgb.map(i64::from)),
+                    own => words.extend(own.as_flattened().iter().copied().map(i64::from)),
+                }
+                words.extend([i64::from(s.opacity), i64::from(s.material)]);
                 if self.kind.sheets {
                     words.push(self.sheet(set_up[i].splat));
                 }
@@ -549,6 +547,25 @@ impl<'a> Transfers<'a> {
         let emitted = |i: usize| -> &Emitted { &w.emitted[i] };
         let splat = |place: u32| self.splats[w.set_up[place as usize].splat as usize];
         let mut all = Vec::new();
+        if let (1.., Some(unit)) = (self.kind.harmonics, self.machine.colour()) {
+            // One for each splat that left setup, in the same order.
+            let at = |i: usize| (w.coloured[i], self.left[i]);
+            all.push(source("colour.in", w.coloured.len(), move |i, words| {
+                let (coloured, place) = at(i);
+                let splat_words = &self.frame.splats[coloured.splat as usize];
+                words.extend(splat_words.position.map(i64::from));
+                let own = self.coefficients(coloured.splat).as_flattened();
+                words.extend(own.iter().copied().map(i64::from));
+                let rest = 3 * unit.coefficients() - own.len();
+                words.extend(std::iter::repeat_n(0, rest));
+                Key::of_splat(splat(place), nth(&self.projected, place), 0)
+            }));
+            all.push(source("colour.out", w.coloured.len(), move |i, words| {
+                let (coloured, place) = at(i);
+                words.extend(coloured.rgb.map(i64::from));
+                Key::of_splat(splat(place), i as u32, coloured.flags)
+            }));
+        }
         if self.kind.preshaded {
             all.push(source(
                 "ellipse.request",
@@ -751,10 +768,32 @@ impl<'a> Transfers<'a> {
         i64::from(number) & ((1 << rtl_model::records::SHEET_BITS) - 1)
     }
 
+    /// Coefficients of a splat's harmonics; none where it has a colour.
+    fn coefficients(&self, splat: u32) -> &[[i32; 3]] {
+        let ellipsoids = self.frame.ellipsoids.as_ref();
+        ellipsoids.map_or(&[], |ellipsoids| {
+            let each = (usize::from(ellipsoids.harmonics) + 1).pow(2);
+            let from = each * splat as usize;
+            ellipsoids
+                .coefficients
+                .get(from..from + each)
+                .unwrap_or_default()
+        })
+    }
+
+    /// A splat's own colour, from its record or from its harmonics.
+    fn own_colour(&self, splat: u32) -> [i32; 3] {
+        let coloured = &self.observer.coloured;
+        match coloured.binary_search_by_key(&splat, |coloured| coloured.splat) {
+            Ok(place) => coloured[place].rgb,
+            Err(_) => self.frame.splats[splat as usize].rgb,
+        }
+    }
+
     /// A splat's colour as drawn: windows accumulate the unlit colour.
     fn rgb(&self, splat: u32) -> [i32; 3] {
         if self.kind.windows {
-            self.frame.splats[splat as usize].rgb
+            self.own_colour(splat)
         } else {
             self.light(splat)
         }
@@ -766,9 +805,10 @@ impl<'a> Transfers<'a> {
             .observer
             .emitted
             .binary_search_by_key(&splat, |emitted| emitted.splat);
-        lit.map_or(self.frame.splats[splat as usize].rgb, |place| {
-            self.observer.emitted[place].rgb
-        })
+        lit.map_or_else(
+            |_| self.own_colour(splat),
+            |place| self.observer.emitted[place].rgb,
+        )
     }
 
     fn amplitude(&self, arrival: &FragmentTransfer) -> i64 {

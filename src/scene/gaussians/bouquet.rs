@@ -1,6 +1,7 @@
 //! Bouquet: generates flowers of Gaussians from formulas: flat petals, thin stems, and a haze
 //! behind them.
 
+use super::harmonics::sheen;
 use super::{Gaussian, Gaussians, Intake, harmonics_of};
 use glam::{DMat3, DQuat, DVec3};
 use libm::{cos, sin};
@@ -16,9 +17,9 @@ const HAZE_SHARE: usize = 1;
 /// Rotation from one place to the next, as a part of a circle: no two come close.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
-/// A bouquet of `count` Gaussians.
-pub fn bouquet(count: usize) -> Gaussians {
-    let mut intake = Intake::new(0, count, Vec::new());
+/// A bouquet of `count` Gaussians, whose colours are harmonics of a degree from 0 to 3.
+pub fn bouquet(count: usize, degree: u8) -> Gaussians {
+    let mut intake = Intake::new(degree.into(), count, Vec::new());
     for i in 0..count {
         let (turn, of) = (i % 16, i / 16);
         let (gaussian, rgb) = match turn {
@@ -26,7 +27,8 @@ pub fn bouquet(count: usize) -> Gaussians {
             _ if turn < HAZE_SHARE + STALK_SHARE => stalk(of * STALK_SHARE + turn, count),
             _ => petal(of * 16 + turn, count),
         };
-        intake.push(gaussian, [harmonics_of(rgb)]);
+        let constant = std::iter::once(harmonics_of(rgb));
+        intake.push(gaussian, constant.chain(sheen(i, degree)));
     }
     intake.gaussians
 }

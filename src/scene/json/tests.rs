@@ -289,7 +289,7 @@ fn every_error_has_the_field_and_the_correct_form() {
         (
             "/splats/1",
             json!({"positon": [1, 0, 0]}),
-            "splats[1].positon is not a known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, array, variance, layer, transfer, gradient, isovalue, flatten, gaussians, splats, place)",
+            "splats[1].positon is not a known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, array, variance, layer, transfer, gradient, isovalue, flatten, gaussians, degree, splats, place)",
         ),
         (
             "/splats/1",
@@ -530,11 +530,11 @@ fn errors_of_volumes_and_gaussians_have_the_field_and_the_reason() {
         ),
         (
             of(json!([{"volume": shells}, {"splats": {"gaussians": "rose"}, "place": {}}])),
-            "splats[1].splats.gaussians is `rose`; it must be one of bouquet",
+            "splats[1].splats.gaussians is `rose`; it must be one of bouquet, city",
         ),
         (
             of(json!({"gaussians": "rose"})),
-            "splats.gaussians is `rose`; it must be one of bouquet",
+            "splats.gaussians is `rose`; it must be one of bouquet, city",
         ),
         (
             of(json!({"volume": shells, "transfer": falling})),

@@ -16,12 +16,20 @@ fn kinds(machine: &Elaborated) -> Vec<Kind> {
     let kind = |[ellipsoids, preshaded, sorted, sheets]: [bool; 4]| Kind {
         ellipsoids,
         preshaded: preshaded || windows,
+        harmonics: 0,
         sorted,
         sheets,
         windows,
         mirrors: false,
     };
-    kinds.map(kind).collect()
+    let all: Vec<Kind> = kinds.map(kind).collect();
+    let of_harmonics = |kind: &Kind| Kind {
+        harmonics: 2,
+        ..*kind
+    };
+    let has_harmonics = |kind: &&Kind| kind.ellipsoids && m.colour.is_some();
+    let coloured = all.iter().filter(has_harmonics).map(of_harmonics);
+    all.iter().copied().chain(coloured).collect()
 }
 
 /// All streams of all machines, for all kinds of frames.
@@ -92,7 +100,7 @@ fn field_names_are_unique_and_depend_on_earlier_fields() {
 }
 
 #[test]
-fn ellipsoids_have_the_fields_of_discs_except_those_that_sheets_replace() {
+fn ellipsoids_have_the_fields_of_discs_except_those_that_sheets_or_harmonics_replace() {
     for machine in machines() {
         let names = |kind| -> Vec<String> {
             let all = constants(&machine, kind)
@@ -115,9 +123,15 @@ fn ellipsoids_have_the_fields_of_discs_except_those_that_sheets_replace() {
                 "{kind:?} has what discs have"
             );
             let is_grouped = kind.sheets || kind.windows;
+            let is_replaced = |name: &&&String| {
+                is_grouped && name.starts_with("fragment.")
+                    || kind.harmonics > 0
+                        && ["red", "green", "blue"]
+                            .iter()
+                            .any(|channel| ***name == format!("pipeline.in {channel}"))
+            };
             assert!(
-                gone.iter()
-                    .all(|name| is_grouped && name.starts_with("fragment.")),
+                gone.iter().all(|name| is_replaced(&name)),
                 "{kind:?} lacks {gone:?}"
             );
         }

@@ -1,7 +1,7 @@
 use super::*;
 use crate::frame::{Aspect, Light, Lighting, Material, Scaled, View};
 use crate::kernels::host::{unvectorised, vectorised};
-use crate::machine::Machine;
+use crate::machine::{self, Machine};
 use crate::num::Word;
 use crate::num::lanes::Plain;
 use crate::probe::{NoProbe, Ranges};
@@ -183,21 +183,105 @@ proptest! {
         for (lane, seeds) in seeds.iter().enumerate() {
             (0..3).for_each(|axis| normals[axis][lane] = word(machine.machine.ellipse.normal, seeds[3 + axis]) as i32);
         }
+        let mut rgb = [[0; LANES]; 3];
+        for (lane, splat) in splats.iter().enumerate() {
+            (0..3).for_each(|channel| rgb[channel][lane] = splat.rgb[channel]);
+        }
         let live = live & ((1u32 << splats.len()) - 1) as u8;
         let lit = Lit::new(&machine, &frame);
         let registers = shade::LightRegisters::of(&frame, &lit.highlights);
         let mut alone = Ranges::new(machine.signals.len());
         let mut expected = [[0; LANES]; 3];
         for (lane, splat) in splats.iter().enumerate().filter(|(lane, _)| live >> lane & 1 != 0) {
-            let light = lit.emission(&registers, splat, 0, normals.map(|part| part[lane]), &mut alone);
+            let sent = (splat.material, splat.rgb, normals.map(|part| part[lane]));
+            let light = lit.emission(&registers, sent, 0, &mut alone);
             (0..3).for_each(|channel| expected[channel][lane] = light[channel]);
         }
         let only_live = |light: [[i32; LANES]; 3]| {
             light.map(|channel| std::array::from_fn(|lane| if live >> lane & 1 != 0 { channel[lane] } else { 0 }))
         };
         let mut seen = Ranges::new(machine.signals.len());
-        prop_assert_eq!(only_live(lit.emissions(&splats, 0, normals, live, &mut seen)), expected);
-        prop_assert_eq!(only_live(lit.emissions(&splats, 0, normals, live, &mut NoProbe)), expected);
+        prop_assert_eq!(only_live(lit.emissions(&splats, rgb, 0, normals, live, &mut seen)), expected);
+        prop_assert_eq!(only_live(lit.emissions(&splats, rgb, 0, normals, live, &mut NoProbe)), expected);
         prop_assert_eq!(&seen, &alone);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Of frames of any degree up to the unit's, on several batches, with culled splats between.
+    #[test]
+    fn a_batch_has_the_colours_of_single_splats(
+        of_unit in 1..=3u32, of_frame in 1..=3u32, count in 1..2 * BATCH + 3, seeds in prop::array::uniform32(any::<u64>()),
+    ) {
+        let harmonics = of_frame.min(of_unit);
+        let named = Machine::named("gaussian").unwrap();
+        let colour = named.colour.map(|colour| machine::Colour { degree: of_unit, ..colour });
+        let machine = Machine { colour, ..named }.elaborate().unwrap();
+        let (words, m) = (machine.machine.colour.unwrap(), &machine.machine);
+        let mut seed = seeds[0];
+        let mut next = |of: Word| {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(seeds[(seed >> 40) as usize % 32] | 1);
+            word(of, seed >> 20)
+        };
+        let splats: Vec<Splat> = (0..count).map(|_| Splat {
+            position: [(); 3].map(|()| next(m.splat.position) as i32),
+            radius: m.splat.radius.format.one().min(m.splat.radius.format.max()) as i32 / 8,
+            opacity: m.splat.opacity.format.one() as i32 / 2,
+            ..Splat::default()
+        }).collect();
+        let unit = machine.colour.as_ref().unwrap();
+        let stride = coefficients(harmonics);
+        let given: Vec<[i32; 3]> = (0..stride * count).map(|_| [(); 3].map(|()| next(words.coefficient) as i32)).collect();
+        let one = |of: Word| of.format.one().min(of.format.max());
+        let frame = Frame {
+            width: 64,
+            height: 64,
+            view: View {
+                rotation: std::array::from_fn(|row| std::array::from_fn(|column| if row == column { one(m.project.rotation) } else { 0 })),
+                eye: [0, 0, -2 * one(m.project.eye)],
+                near: 1,
+                guard: [one(m.project.slope); 2],
+                focal: 32 << m.project.focal.format.frac_bits,
+                inverse_focal: Scaled { mantissa: one(m.ellipse.inverse_focal) / 2, places: 4 },
+                low_pass: one(m.ellipse.low_pass) / 4,
+                cutoff: 9 << m.raster.cutoff.format.frac_bits,
+                root_cutoff: 3 << m.ellipse.root_cutoff.format.frac_bits,
+                ..View::default()
+            },
+            ellipsoids: Some(Ellipsoids {
+                kernel: crate::frame::Kernel {
+                    amplitude: crate::frame::Amplitude::Peak,
+                    jacobian: [one(m.project.slope); 2],
+                    axes: std::array::from_fn(|row| std::array::from_fn(|column| if row == column { one(m.ellipse.normal) } else { 0 })),
+                    scales: [one(m.ellipse.ellipsoid.unwrap().scale); 3],
+                    ..crate::frame::Kernel::default()
+                },
+                harmonics: harmonics as u8,
+                coefficients: given.clone(),
+                ..Ellipsoids::default()
+            }),
+            splats,
+            ..Frame::default()
+        };
+        let mut seen = Ranges::new(machine.signals.len());
+        let setup = set_up(&machine, &frame, &mut seen);
+        let mut alone = Ranges::new(machine.signals.len());
+        let (records, colours) = (setup.blocks.concat(), setup.colours.concat());
+        prop_assert_eq!(records.len(), colours.len());
+        for (record, colour) in records.iter().zip(colours) {
+            let at = record.splat as usize;
+            let own = given[at * stride..][..stride].iter().flatten().map(|word| i64::from(*word));
+            let inputs: Vec<i64> = frame.splats[at].position.map(i64::from).into_iter()
+                .chain(frame.view.eye).chain(own).chain([0; 48]).collect();
+            let expected = unit.graph().one(&inputs, &mut Tap::new(&mut alone));
+            prop_assert_eq!(colour.map(i64::from), expected, "splat {} of {}", at, count);
+        }
+        // Its words are counted for the splats that are drawn, and for no others.
+        let of_colour = |ranges: &Ranges| format!("{:?}", machine.signals.iter().zip(&ranges.0)
+            .filter(|(signal, _)| signal.unit == "colour").map(|(_, summary)| summary).collect::<Vec<_>>());
+        prop_assert_eq!(of_colour(&seen), of_colour(&alone));
+        prop_assert_eq!(set_up(&machine, &frame, &mut NoProbe).colours, setup.colours);
     }
 }

@@ -18,10 +18,11 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 /// Units whose items are splats, or entries of a list, and the stream of their records.
-const OF_SPLATS: [(&str, &str); 6] = [
+const OF_SPLATS: [(&str, &str); 7] = [
     ("fetch", "pipeline.in"),
     ("project", "project.in"),
     ("ellipse", "ellipse.in"),
+    ("colour", "colour.in"),
     ("bin", "raster.in"),
     ("list", "raster.in"),
     ("raster", "raster.in"),
@@ -271,6 +272,9 @@ impl<'a> FrameWalk<'a> {
             self.take_splat("ellipse", number);
         }
         let is_drawn = cull_reason == CullReason::Drawn;
+        if is_drawn {
+            self.take_splat("colour", number);
+        }
         if is_drawn && self.work.preshaded {
             let record = self
                 .lit

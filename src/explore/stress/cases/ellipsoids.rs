@@ -137,7 +137,7 @@ fn gaussians(all: Vec<(Splat, Orientation)>) -> Scene {
             amplitude: Amplitude::Peak,
             preshaded: false,
             sorted: true,
-            harmonics: 0,
+            harmonics: None,
         }),
         sheets: Some(Sheets {
             of: Sheet::Splat,
@@ -293,7 +293,7 @@ fn slab(slices: usize, optical_depth: f64) -> Scene {
             amplitude: Amplitude::LineIntegral,
             preshaded: true,
             sorted: false,
-            harmonics: 0,
+            harmonics: None,
         }),
         sheets: Some(Sheets {
             of: Sheet::Slice(numbers),
@@ -349,7 +349,7 @@ fn flattened(by: f64) -> Scene {
             amplitude: Amplitude::Disc,
             preshaded: false,
             sorted: false,
-            harmonics: 0,
+            harmonics: None,
         }),
         ..scene
     }
