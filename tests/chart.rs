@@ -168,7 +168,7 @@ fn figures_are_of_what_varies() {
     }
     assert!(
         [
-            "raster.lanes [4,1]",
+            "raster.lanes [4,1], point ",
             "busy",
             "starved",
             "blocked",

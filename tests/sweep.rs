@@ -229,6 +229,12 @@ fn a_row_says_what_a_run_says() {
             .sum();
         assert_eq!(row["wrapped"], wrapped.to_string());
     }
+    // The line is wrapped.
+    let words: Vec<&str> = told.split_whitespace().collect();
+    assert!(
+        words.join(" ").contains("the first reason: machine"),
+        "{told}"
+    );
     let misfit = &rows[11];
     assert!(
         misfit["misfit"].contains("project.camera")
@@ -324,7 +330,7 @@ fn a_line_cut_short_is_drawn_again_and_a_changed_one_is_an_error() {
         fs::write(&journal, lines.join("\n") + "\n").unwrap();
         refused(&sweep(&plan_file, &out, &[]))
     };
-    assert!(changed(0, "[]").contains("line 1: has other columns"));
+    assert!(changed(0, "[]").contains("another version; choose another folder"));
     assert!(changed(2, "nothing").contains("line 3: is not as it was written"));
     assert!(
         changed(2, &lines[2].replace("terrain", "terrace"))
@@ -791,4 +797,30 @@ fn a_value_may_be_a_word_with_its_rounding() {
     let rows = rows(&out);
     assert!(rows.iter().all(|row| row["misfit"].is_empty()), "{rows:?}");
     assert_ne!(rows[0]["psnr_db"], rows[1]["psnr_db"]);
+}
+
+#[test]
+fn a_sweep_that_draws_no_point_fails_with_the_first_reason_and_has_no_charts() {
+    let folder = tempfile::tempdir().unwrap();
+    let axis = json!({"field": "gauss.weight", "add_frac_bits": [0, -2]});
+    let plan = json!({"scenes": ["nested-shells"], "size": [8, 6], "axes": [axis]});
+    let (path, out) = (written(folder.path(), &plan), folder.path().join("out"));
+    let reason = "machine reference cannot draw nested-shells: it draws only discs";
+    // The second sweep draws nothing, and fails in the same way.
+    for _ in 0..2 {
+        let output = sweep(&path, &out, &["--quiet"]);
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(
+            (output.status.code(), told.trim_end().lines().count()),
+            (Some(1), 1),
+            "{told}"
+        );
+        let expected = format!("no point was drawn (the plan's machine is reference): {reason}");
+        assert!(told.contains(&expected), "{told}");
+        assert_eq!(rows(&out).len(), 2);
+    }
+    let output = splatsim().arg("chart").arg(&out).output().unwrap();
+    let expected = format!("no row was drawn: {reason}");
+    assert!(refused(&output).contains(&expected), "{output:?}");
+    assert!(!out.join("charts.html").exists());
 }

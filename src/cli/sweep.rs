@@ -72,10 +72,16 @@ impl SweepJob {
             )),
             files => written(&self.folder, files),
         };
-        Ok(if self.quiet {
+        let text = if self.quiet {
             String::new()
         } else {
-            format!("{}\n\n{end}", outcome.summary())
-        })
+            format!("{}\n\n{end}", outcome.summary().trim_end())
+        };
+        let Err(error) = outcome.check() else {
+            return Ok(text);
+        };
+        // The rows were written, and the summary is printed first.
+        super::print(&text)?;
+        Err(error)
     }
 }

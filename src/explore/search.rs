@@ -847,9 +847,14 @@ impl<'a> WordSearch<'a> {
         }
         self.journal.push(point, row)?;
         self.known.insert(key, point);
+        // Before the first step there is no method.
+        let method = if self.method.is_empty() {
+            "start"
+        } else {
+            self.method
+        };
         let message = format!(
-            "{}: {} machines drawn, this one {} LUT equivalents, {} dB",
-            self.method,
+            "{method}: machine {} drawn, {} LUT equivalents, {} dB",
             self.requested.len(),
             thousands(area as u64),
             decibels(found.psnr_db_of(&self.options.target))

@@ -88,6 +88,8 @@ pub struct SweepOutcome {
     /// Files that were written.
     pub files: Vec<PathBuf>,
     table: Table,
+    /// Name of the base machine.
+    machine: String,
     /// The word that loses a decibel first, if the plan reduces bits.
     loss: Option<String>,
 }
@@ -254,6 +256,7 @@ impl Sweep {
             counts: [count, mine, self.drawn],
             files,
             loss: loss::first(&table, &self.points.base),
+            machine: self.points.base.name,
             table,
         })
     }
@@ -274,7 +277,7 @@ fn check_keys(
         .filter(|last| *last >= points.count())
     {
         let message = format!(
-            "{} has point {last}, and the plan {} points: it is of another plan",
+            "{} has point {last}, and the plan {} points: it is of another plan; choose another folder (--out)",
             folder.display(),
             points.count()
         );
@@ -303,7 +306,7 @@ fn check_keys(
             folder.display()
         );
         Err(Error::input(format!(
-            "{message}: scene, machine, prices or splatsim have changed; choose another folder"
+            "{message}: scene, machine, prices or splatsim have changed; choose another folder (--out)"
         )))
     };
     // Of the refused rows the first, independent of thread timing.
@@ -365,6 +368,21 @@ pub fn write_plan(folder: &Path, description: &Value) -> Result<()> {
 }
 
 impl SweepOutcome {
+    /// Checks that at least one point was drawn, if all rows of the plan exist.
+    ///
+    /// # Errors
+    /// [`Error::Job`] with the first reason.
+    pub fn check(&self) -> Result<()> {
+        let is_whole = self.table.rows.len() as u64 == self.counts[0];
+        match self.table.first_misfit() {
+            Some(reason) if is_whole && !self.table.has_drawn() => Err(Error::job(format!(
+                "no point was drawn (the plan's machine is {}): {reason}",
+                self.machine
+            ))),
+            _ => Ok(()),
+        }
+    }
+
     /// Number of points, the best and the worst; at most 80 columns wide.
     pub fn summary(&self) -> String {
         let [count, mine, drawn] = self.counts;
@@ -382,7 +400,7 @@ impl SweepOutcome {
         if rows < count {
             let _ = write!(text, "; the table has {} of them", thousands(rows));
         }
-        let is_built = |row: &&Row| self.table.text(row, columns::MISFIT).is_empty();
+        let is_built = |row: &&Row| self.table.is_drawn(row);
         let unbuildable = self.table.rows.iter().filter(|row| !is_built(row)).count() as u64;
         if unbuildable > 0 {
             let _ = write!(
@@ -392,6 +410,9 @@ impl SweepOutcome {
             );
         }
         let mut text = wrapped(&text) + "\n";
+        if let Some(reason) = self.table.first_misfit().filter(|_| unbuildable < rows) {
+            let _ = writeln!(text, "{}", wrapped(&format!("the first reason: {reason}")));
+        }
         let mut built: Vec<&Row> = self.table.rows.iter().filter(is_built).collect();
         let number = |row: &Row, name: &str| self.table.number(row, name).unwrap_or(f64::INFINITY);
         if !built.is_empty() {

@@ -159,10 +159,20 @@ impl SearchTarget {
 /// Draws all figures of a folder into it.
 ///
 /// # Errors
-/// [`Error::Input`] if it has no rows or they were changed, [`Error::Job`] if a file cannot be
+/// [`Error::Input`] if it has no rows, none was drawn or they were changed, [`Error::Job`] if a file cannot be
 /// written.
 pub fn write(folder: &Path) -> Result<Charts> {
     let rows = Rows::read(folder)?;
+    if let Some(reason) = rows
+        .table
+        .first_misfit()
+        .filter(|_| !rows.table.has_drawn())
+    {
+        return Err(Error::input(format!(
+            "{}: no row was drawn: {reason}",
+            folder.display()
+        )));
+    }
     let figures = rows.figures();
     let mut files = Vec::new();
     let mut drawn = Vec::new();
@@ -246,9 +256,10 @@ impl Rows {
     /// The rows of a scene whose machines could be built.
     fn of<'a>(&'a self, scene: &'a str) -> impl Iterator<Item = &'a Row> {
         let table = &self.table;
-        table.rows.iter().filter(move |row| {
-            table.text(row, columns::SCENE) == scene && table.text(row, columns::MISFIT).is_empty()
-        })
+        table
+            .rows
+            .iter()
+            .filter(move |row| table.text(row, columns::SCENE) == scene && table.is_drawn(row))
     }
 
     /// Changed fields and values of a row, without those equal to the base.
@@ -1102,7 +1113,12 @@ impl Rows {
                 }
                 if best.len() > 1 {
                     values.extend(best.into_iter().map(|(value, cycles, row)| {
-                        (format!("{} {value}", short(field)), cycles, row)
+                        let point = self.table.shown(row, columns::POINT);
+                        (
+                            format!("{} {value}, point {point}", short(field)),
+                            cycles,
+                            row,
+                        )
                     }));
                 }
             }
@@ -1149,7 +1165,7 @@ impl Rows {
                 }));
             }
         }
-        let caption = "One panel per unit: its states in the cycles of a frame. Each bar is the fastest machine with one value of a field; its parts are work (busy), no input (starved), no room at the output or a hazard of its own (blocked), and stalls for memory. The unit that limits a frame is marked.";
+        let caption = "One panel per unit: its states in the cycles of a frame. Each bar is the fastest machine with one value of a field, and the table has its other values under the number of its point; its parts are work (busy), no input (starved), no room at the output or a hazard of its own (blocked), and stalls for memory. The unit that limits a frame is marked.";
         figure(
             "cycles",
             "Cycles and stalls by microarchitecture".into(),

@@ -13,6 +13,7 @@ mod batch;
 
 pub use batch::packed;
 
+use super::columns::MISFIT;
 use crate::error::{Error, Result};
 use crate::input;
 use crate::output::files::write_beside;
@@ -78,7 +79,7 @@ impl Table {
         let mut rows = BTreeMap::new();
         for path in &paths {
             let text = input::read(path).map_err(cannot)?;
-            read(path, whole_lines(&text), header, &mut rows)?;
+            read(path, whole_lines(&text), header, "", &mut rows)?;
         }
         batch::read_all(folder, &columns, &mut rows)?;
         if rows.is_empty() {
@@ -89,6 +90,24 @@ impl Table {
                 rows: rows.into_values().collect(),
             })
         }
+    }
+
+    /// Whether the machine of a row could be built, and the row thus has figures.
+    pub fn is_drawn(&self, row: &Row) -> bool {
+        self.text(row, MISFIT).is_empty()
+    }
+
+    /// Whether any row was drawn.
+    pub fn has_drawn(&self) -> bool {
+        self.rows.iter().any(|row| self.is_drawn(row))
+    }
+
+    /// The first reason why a row was not drawn.
+    pub fn first_misfit(&self) -> Option<&str> {
+        self.rows
+            .iter()
+            .map(|row| self.text(row, MISFIT))
+            .find(|reason| !reason.is_empty())
     }
 
     /// Index of a column.
@@ -178,7 +197,7 @@ impl Journal {
         for path in journals(folder).map_err(|e| cannot(folder, e))? {
             let text = input::read(&path).map_err(|e| cannot(&path, e))?;
             let whole = whole_lines(&text);
-            read(&path, whole, &header, &mut journal.rows)?;
+            read(&path, whole, &header, REMEDY, &mut journal.rows)?;
             if path == own && whole.len() < text.len() {
                 // Removes an incomplete last line.
                 journal
@@ -226,7 +245,7 @@ impl Journal {
         let header = header(&self.columns);
         for path in journals(folder).map_err(|e| cannot(folder, e))? {
             let text = input::read(&path).map_err(|e| cannot(&path, e))?;
-            read(&path, whole_lines(&text), &header, &mut self.rows)?;
+            read(&path, whole_lines(&text), &header, REMEDY, &mut self.rows)?;
         }
         batch::read_all(folder, &self.columns, &mut self.rows)
     }
@@ -386,7 +405,16 @@ fn journals(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-fn read(path: &Path, text: &[u8], header: &str, rows: &mut BTreeMap<u64, Row>) -> Result<()> {
+/// End of an error: what to do if the rows of a folder are of another plan.
+const REMEDY: &str = "; choose another folder (--out)";
+
+fn read(
+    path: &Path,
+    text: &[u8],
+    header: &str,
+    remedy: &str,
+    rows: &mut BTreeMap<u64, Row>,
+) -> Result<()> {
     let input_error = |line: usize, what: &str| {
         Error::input(format!("{}: line {}: {what}", path.display(), line + 1))
     };
@@ -398,10 +426,10 @@ fn read(path: &Path, text: &[u8], header: &str, rows: &mut BTreeMap<u64, Row>) -
     {
         if nth == 0 {
             if line != header.as_bytes() {
-                return Err(input_error(
-                    0,
-                    "has other columns: it is of another plan, or of another version",
-                ));
+                let what = format!(
+                    "has other columns: it is of another plan, or of another version{remedy}"
+                );
+                return Err(input_error(0, &what));
             }
             continue;
         }
