@@ -729,14 +729,10 @@ fn every_view_of_a_search_has_its_whole_camera() {
 fn shells_complete_every_command_and_every_command_has_a_page() {
     let folder = folder();
     let help = done(&["--help"]);
-    let listed = help
+    let commands: Vec<&str> = help
         .lines()
-        .skip_while(|line| *line != "Commands:")
-        .skip(1)
-        .take_while(|line| !line.is_empty());
-    let commands: Vec<&str> = listed
-        .filter_map(|line| line.split_whitespace().next())
-        .filter(|name| *name != "help")
+        .take_while(|line| *line != "Options:")
+        .filter_map(|line| line.strip_prefix("  ")?.split_whitespace().next())
         .collect();
     assert!(commands.len() >= 13, "{commands:?}");
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {

@@ -787,7 +787,11 @@ fn impossible_searches_are_refused_in_a_sentence() {
     let path = scene(folder.path(), "knot.json", &json!({}));
     let out = folder.path().join("out");
     let dir = out.to_str().unwrap();
-    refused(&["search", &path], "--target-psnr");
+    refused(
+        &["search", &path],
+        "a target is missing: --target-psnr, --max-error or --min-fps",
+    );
+    refused(&["search", &path, "--over", "fragment"], "--target-psnr");
     refused(&["search", "--target-psnr", "50"], "<SCENE>");
     for wrong in ["0", "-3", "nan", "many", "inf"] {
         refused(

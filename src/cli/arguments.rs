@@ -1,5 +1,6 @@
 //! Arguments: flags shared by several commands, and parsers of their values.
 
+use super::help;
 use crate::error::{Error, Result};
 use crate::hardware::machines;
 use crate::hardware::machines::File;
@@ -7,6 +8,7 @@ use crate::output::text::{listed, one_line, wrapped};
 use crate::scene::{Overrides, Scene};
 use clap::{ArgAction, Args};
 use rtl_model::Machine;
+use serde_json::Value;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -17,13 +19,12 @@ pub(super) struct CommonArgs {
     /// Use this machine or file [default: by the scene]
     #[arg(long, value_name = "NAME|FILE")]
     machine: Option<OsString>,
-    /// Set a field: gauss.weight=U-2F16
-    #[arg(long = "set", value_name = "PATH=VALUE")]
+    #[arg(long = "set", value_name = "PATH=VALUE", help = help::SET, long_help = help::SET_LONG)]
     settings: Vec<String>,
     /// Set the size of the picture, in pixels
     #[arg(long, value_name = "WxH", action = ArgAction::Append)]
     size: Vec<TwoNumbers<'x'>>,
-    /// Draw frame N [default: 0; `run`: all]
+    /// Draw frame N of a sequence [default: 0]
     #[arg(long, value_name = "N")]
     pub frame: Option<usize>,
     #[command(flatten)]
@@ -249,6 +250,25 @@ pub(super) fn written(folder: &Path, files: &[PathBuf]) -> String {
         one_line(&folder.to_string_lossy()),
         names.join(" ")
     ))
+}
+
+/// A schema with descriptions in one line each, and without rustdoc's brackets of links.
+pub(super) fn readable(mut schema: Value) -> Value {
+    fn visit(value: &mut Value) {
+        match value {
+            Value::Object(fields) => fields.iter_mut().for_each(|(name, field)| match field {
+                Value::String(text) if name == "description" => {
+                    let line: Vec<&str> = text.split_whitespace().collect();
+                    *text = line.join(" ").replace("[`", "`").replace("`]", "`");
+                }
+                _ => visit(field),
+            }),
+            Value::Array(items) => items.iter_mut().for_each(visit),
+            _ => {}
+        }
+    }
+    visit(&mut schema);
+    schema
 }
 
 /// A value as JSON.

@@ -1,6 +1,7 @@
 //! Compare: compares two machines, or two frames that `run` drew.
 
 use super::arguments::{Threads, TwoNumbers, pretty, written};
+use super::help;
 use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
 use crate::output::files::Folder;
@@ -22,13 +23,13 @@ pub(super) struct CompareArgs {
     /// Machine, result folder or report.json to compare
     #[arg(value_name = "B")]
     b: OsString,
-    /// Set a field of both: timing.raster.fifo=4
-    #[arg(long = "set", value_name = "PATH=VALUE")]
+    /// Set a field of both: gauss.falloff=U1F12; may repeat
+    #[arg(long = "set", value_name = "PATH=VALUE", long_help = help::SET_BOTH_LONG)]
     both: Vec<String>,
-    /// Set a field of machine A
+    /// Set a field of machine A; may repeat
     #[arg(long, value_name = "PATH=VALUE")]
     set_a: Vec<String>,
-    /// Set a field of machine B
+    /// Set a field of machine B; may repeat
     #[arg(long, value_name = "PATH=VALUE")]
     set_b: Vec<String>,
     /// Draw this scene on both machines

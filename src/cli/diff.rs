@@ -12,7 +12,7 @@ pub(super) struct DiffArgs {
     /// Folder of `trace`
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Stream, as raster.out, and a file of records
+    /// Pairs: a stream, as gauss.out, and the file of its records
     #[arg(required = true, num_args = 2.., value_names = ["STREAM", "FILE"])]
     outputs: Vec<OsString>,
     /// Also compare unused fields, which must be 0

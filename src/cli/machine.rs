@@ -1,7 +1,8 @@
 //! Machine: prints machines, values derived from their formats, their costs, and proofs of their
 //! bounds.
 
-use super::arguments::pretty;
+use super::arguments::{pretty, readable};
+use super::help;
 use crate::accuracy::proofs;
 use crate::error::Result;
 use crate::hardware::machines::File;
@@ -23,12 +24,15 @@ pub(super) enum MachineCommand {
     /// List the named machines
     List,
     /// Print a machine as JSON
+    #[command(after_help = help::SHOW)]
     Show(MachineArgs),
     /// Print the timing of a machine, derived values included
+    #[command(after_help = help::TIMING)]
     Timing(MachineArgs),
     /// Print the critical path of each unit and the highest clock
     Clock(MachineArgs),
-    /// Print the area of each unit
+    /// Print the area of each unit, in LUT equivalents
+    #[command(after_help = help::COST)]
     Cost {
         #[command(flatten)]
         which: MachineArgs,
@@ -56,8 +60,7 @@ pub(super) struct MachineArgs {
     /// Named machine or machine file
     #[arg(value_name = "NAME|FILE")]
     machine: OsString,
-    /// Set a field: gauss.weight=U-2F16
-    #[arg(long = "set", value_name = "PATH=VALUE")]
+    #[arg(long = "set", value_name = "PATH=VALUE", help = help::SET, long_help = help::SET_LONG)]
     settings: Vec<String>,
 }
 
@@ -93,7 +96,7 @@ impl MachineCommand {
             }
             MachineCommand::Prices => pretty(&cost::DEFAULT),
             MachineCommand::Prove { which, out } => prove(&which.load()?, &out),
-            MachineCommand::Schema => pretty(&machines::schema()),
+            MachineCommand::Schema => pretty(&readable(machines::schema())),
         }
     }
 }

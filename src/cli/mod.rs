@@ -25,13 +25,13 @@ mod view;
 use crate::error::{Error, Result};
 use crate::output::text::one_line;
 use clap::error::ErrorKind;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
 
 /// Simulates splatting hardware bit by bit, and in exact arithmetic
 #[derive(Parser, Debug)]
-#[command(name = "splatsim", version)]
+#[command(name = "splatsim", version, after_help = help::EXAMPLES)]
 struct CommandLine {
     #[command(subcommand)]
     command: Command,
@@ -41,19 +41,26 @@ struct CommandLine {
 enum Command {
     /// Draw a scene on a machine; compare with golden; count cycles
     ///
-    /// The machine draws the scene bit by bit; golden and ideal draw it in f64. The
-    /// summary and report.json have errors, bounds, cycles, area and energy.
-    #[command(verbatim_doc_comment, after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim run torus-knot --machine lean --out out"))]
+    /// The summary and report.json have errors, bounds, cycles, area and energy.
+    #[command(
+        verbatim_doc_comment,
+        after_help = help::run(),
+        after_long_help = help::with_example(&help::run(), "splatsim run torus-knot --machine lean --out out"),
+        mut_arg("frame", |frame| frame.help("Draw only frame N [default: all]"))
+    )]
     Run(run::RunArgs),
     /// Recompute cycles of a recorded frame with other timing
     ///
     /// The frame is not drawn again: its recorded work is replayed, so that a field of
     /// `timing` can be tried in a fraction of a second.
-    #[command(verbatim_doc_comment, after_long_help = help::with_example("", "splatsim replay out/frame.work --timing timing.raster.fifo=4,16,64"))]
+    #[command(verbatim_doc_comment, after_long_help = help::with_example("", "splatsim replay out/frame.work --timing timing.memory.bytes_per_cycle=16,32"))]
     Replay(replay::ReplayArgs),
     /// Compare two machines, or two results
     #[command(after_help = help::COMPARE, after_long_help = help::with_example(help::COMPARE, "splatsim compare reference window --scene glass-spheres --out compared"))]
     Compare(compare::CompareArgs),
+    /// Print each contribution to a pixel, machine and golden
+    #[command(after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim explain glass-spheres --pixel 200,180"))]
+    Explain(explain::ExplainArgs),
     /// Run built-in cases in which methods or machines fail
     ///
     /// Each case is a small scene that drives a method or a machine to its limit. The
@@ -64,39 +71,36 @@ enum Command {
     ///
     /// A plan names scenes, a machine, fields and their values. Rows are written to a
     /// journal; the same command resumes a sweep that was stopped.
-    #[command(verbatim_doc_comment, after_help = help::SWEEP, after_long_help = help::with_example(help::SWEEP, "splatsim sweep layers --out rows"))]
+    #[command(verbatim_doc_comment, after_help = help::SWEEP, after_long_help = help::sweep())]
     Sweep(sweep::SweepArgs),
     /// Find the smallest machine that meets a target
     ///
     /// Searches word lengths for --target-psnr or --max-error, fields of timing for
     /// --min-fps, or merge rules with --over. The result is verified on unseen views.
-    #[command(verbatim_doc_comment, after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim search torus-knot --target-psnr 45 --only gauss --out found"))]
+    #[command(verbatim_doc_comment, after_help = help::search(), after_long_help = help::with_example(&help::search(), "splatsim search torus-knot --target-psnr 45 --only gauss --out found"))]
     Search(search::SearchArgs),
     /// Draw charts of the rows of a sweep or a search
     ///
     /// Writes PNG, SVG and charts.html, which works without a network.
-    #[command(verbatim_doc_comment, after_long_help = help::with_example("", "splatsim chart rows"))]
+    #[command(verbatim_doc_comment, after_help = help::CHART, after_long_help = help::with_example(help::CHART, "splatsim chart rows"))]
     Chart(chart::ChartArgs),
     /// Show a result folder in a browser
     #[command(after_help = help::VIEW, after_long_help = help::with_example(help::VIEW, "splatsim view out"))]
     View(view::ViewArgs),
-    /// Write the records at the ports of units, to verify RTL
+    /// Write test vectors and a SystemVerilog package, to verify RTL
     ///
     /// Writes each record that enters or leaves a unit, a SystemVerilog package with
     /// formats and constants, and the tables as memory files.
-    #[command(verbatim_doc_comment, after_help = help::TRACE, after_long_help = help::with_example(help::TRACE, "splatsim trace glass-spheres --size 64x64 --units gauss --out trace"))]
+    #[command(verbatim_doc_comment, after_help = help::TRACE, after_long_help = help::with_example(help::TRACE, "splatsim trace terrain --size 64x64 --units gauss --sample 10 --out trace"))]
     Trace(trace::TraceArgs),
-    /// Compare records of a device with a trace
-    #[command(after_help = help::DIFF, after_long_help = help::with_example(help::DIFF, "splatsim diff trace gauss.out device.hex"))]
+    /// Compare the output of your RTL with a trace
+    #[command(override_usage = "splatsim diff [OPTIONS] <DIR> <STREAM> <FILE> [<STREAM> <FILE>]...", after_help = help::DIFF, after_long_help = help::with_example(help::DIFF, "splatsim diff trace gauss.out device.hex"))]
     Diff(diff::DiffArgs),
     /// Compute the output records of one unit
     #[command(after_help = help::UNIT, after_long_help = help::with_example(help::UNIT, "splatsim unit gauss --machine lean < trace/gauss.in.hex"))]
     Unit(unit::UnitArgs),
-    /// Print each contribution to a pixel, machine and golden
-    #[command(after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim explain glass-spheres --pixel 200,180"))]
-    Explain(explain::ExplainArgs),
     /// Print named machines, their areas and clocks, and the schema
-    #[command(subcommand, after_long_help = help::with_example("", "splatsim machine cost reference"))]
+    #[command(subcommand, after_help = help::MACHINE, after_long_help = help::with_example(help::MACHINE, "splatsim machine cost reference"))]
     Machine(machine::MachineCommand),
     /// Print the schemas of scene files and plans
     #[command(subcommand, after_long_help = help::with_example("", "splatsim scene schema"))]
@@ -151,7 +155,11 @@ impl Command {
 /// work failed. A closed standard output is not an error.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     let colour = style::use_colour(&std::io::stdout());
-    match CommandLine::try_parse_from(arguments) {
+    let command = help::in_groups(CommandLine::command());
+    let parsed = command
+        .try_get_matches_from(arguments)
+        .and_then(|matches| CommandLine::from_arg_matches(&matches));
+    match parsed {
         Ok(args) => print(&args.command.run()?),
         Err(error) if is_help(&error) && colour => write(&error.render().ansi().to_string()),
         Err(error) if is_help(&error) => write(&error.to_string()),
@@ -214,9 +222,8 @@ fn input_error(error: &clap::Error) -> Error {
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         let listed = text
             .lines()
-            .skip_while(|line| *line != "Commands:")
-            .skip(1)
-            .take_while(|line| !line.is_empty());
+            .take_while(|line| *line != "Options:")
+            .filter_map(|line| line.strip_prefix("  "));
         let names: Vec<&str> = listed
             .filter_map(|line| line.split_whitespace().next())
             .filter(|name| *name != "help")

@@ -1,6 +1,7 @@
 //! Replay: computes the cycles of a frame that `run --record` recorded.
 
 use super::arguments::{Threads, written};
+use super::help;
 use crate::error::Result;
 use crate::hardware::fixed;
 use crate::output::files::Folder;
@@ -15,11 +16,10 @@ pub(super) struct ReplayArgs {
     /// File from `run --record`
     #[arg(value_name = "FILE")]
     record: PathBuf,
-    /// Set a field: timing.raster.fifo=4
-    #[arg(long = "set", value_name = "PATH=VALUE")]
+    /// Set a field: timing.raster.fifo=4; may repeat
+    #[arg(long = "set", value_name = "PATH=VALUE", long_help = help::SET_TIMING_LONG)]
     settings: Vec<String>,
-    /// Replay with each value: timing.raster.fifo=1,2,4
-    #[arg(long, value_name = "PATH=A,…")]
+    #[arg(long, value_name = "PATH=A,…", help = help::EACH, long_help = help::EACH_LONG)]
     timing: Vec<Axes>,
     /// List the timing fields that make it faster
     #[arg(long = "what-if", alias = "answers")]

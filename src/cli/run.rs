@@ -3,6 +3,7 @@
 mod sequence;
 
 use super::arguments::{CommonArgs, SearchedMachine, written};
+use super::help;
 use crate::accuracy::ranges;
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
@@ -32,11 +33,10 @@ pub(super) struct RunArgs {
     scene: OsString,
     #[command(flatten)]
     pub common: CommonArgs,
-    /// Read cameras: nerfstudio, COLMAP, 3DGS, search
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE|DIR", help = help::CAMERAS, long_help = help::CAMERAS_LONG)]
     cameras: Option<PathBuf>,
     /// Compare with photographs: PSNR, SSIM, FLIP
-    #[arg(long, value_name = "IMAGE|DIR", conflicts_with = "preview")]
+    #[arg(long, value_name = "IMAGE|DIR", conflicts_with = "preview", long_help = help::AGAINST_LONG)]
     against: Option<PathBuf>,
     /// Also write the pictures as a YUV4MPEG2 video
     #[arg(long, value_name = "FILE")]
@@ -62,8 +62,7 @@ pub(super) struct RunArgs {
     /// Attribute the error to words (draws 170 frames)
     #[arg(long)]
     attribute: bool,
-    /// Replay with each value: timing.raster.fifo=1,2
-    #[arg(long, value_name = "PATH=A,…")]
+    #[arg(long, value_name = "PATH=A,…", help = help::EACH, long_help = help::EACH_LONG)]
     timing: Vec<Axes>,
     /// List the timing fields that make it faster
     #[arg(long = "what-if", alias = "answers", conflicts_with = "preview")]

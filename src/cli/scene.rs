@@ -1,6 +1,6 @@
 //! Scene: prints the schemas of scene files and of plans.
 
-use super::arguments::pretty;
+use super::arguments::{pretty, readable};
 use crate::error::Result;
 use crate::explore::sweep::plan;
 use crate::scene;
@@ -17,8 +17,8 @@ pub(super) enum SceneCommand {
 impl SceneCommand {
     pub fn run(self) -> Result<String> {
         match self {
-            SceneCommand::Schema => pretty(&scene::schema()),
-            SceneCommand::PlanSchema => pretty(&plan::schema()),
+            SceneCommand::Schema => pretty(&readable(scene::schema())),
+            SceneCommand::PlanSchema => pretty(&readable(plan::schema())),
         }
     }
 }

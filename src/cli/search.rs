@@ -1,6 +1,7 @@
 //! Search: finds the cheapest machine that meets a target on a scene.
 
 use super::arguments::{CommonArgs, FactorRange, folder_for, positive, written};
+use super::help;
 use crate::error::{Error, Result};
 use crate::explore::search;
 use crate::explore::search::{Claim, Domain, SearchOptions, Target, over_fragment, over_timing};
@@ -19,7 +20,7 @@ pub(super) struct SearchArgs {
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<OsString>,
     /// Require this PSNR over all pixels, dB
-    #[arg(long, value_name = "DB", value_parser = positive, required_unless_present_any = ["max_error", "min_fps"])]
+    #[arg(long, value_name = "DB", value_parser = positive)]
     target_psnr: Option<f64>,
     /// Limit the error of each pixel (linear, 0 to 1)
     #[arg(long, value_name = "ERROR", value_parser = positive)]
@@ -39,8 +40,7 @@ pub(super) struct SearchArgs {
     /// Read timing fields and values [default: usual ones]
     #[arg(long, value_name = "FILE", requires = "min_fps")]
     fields: Option<PathBuf>,
-    /// Read cameras: nerfstudio, COLMAP, 3DGS, search
-    #[arg(long, value_name = "FILE", conflicts_with = "frame")]
+    #[arg(long, value_name = "FILE|DIR", conflicts_with = "frame", help = help::CAMERAS, long_help = help::CAMERAS_LONG)]
     cameras: Option<PathBuf>,
     /// Scale camera distances within this range: 0.25..2
     #[arg(long, value_name = "A..B")]
@@ -73,7 +73,7 @@ pub(super) struct SearchArgs {
     /// Verify on N unseen cameras
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(0..=100))]
     views: u8,
-    /// Search only this unit, word or size; may repeat
+    /// Search only this: gauss, gauss.weight; may repeat
     #[arg(long, value_name = "PATH")]
     only: Vec<String>,
     /// Draw N machines while annealing
@@ -187,6 +187,12 @@ pub(super) struct SearchJob {
 
 impl SearchArgs {
     pub fn check(self) -> Result<SearchJob> {
+        let has_target = self.target_psnr.or(self.max_error).or(self.min_fps);
+        if has_target.is_none() {
+            return Err(Error::input(
+                "a target is missing: --target-psnr, --max-error or --min-fps (--over needs --target-psnr)",
+            ));
+        }
         let domains = self.domains()?;
         domains
             .iter()

@@ -251,7 +251,7 @@ fn nested(path: &str, leaf: Value) -> Value {
 fn set(value: &mut Value, setting: &str, flag: &str) -> Result<Machine> {
     let (path, leaf) = parse_setting(setting).ok_or_else(|| {
         Error::input(format!(
-            "{flag}: write PATH=VALUE, as in gauss.weight=U-2F16"
+            "{flag}: write PATH=VALUE, as in gauss.falloff=U1F12"
         ))
     })?;
     check_depth(path, flag)?;

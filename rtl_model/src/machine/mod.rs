@@ -311,8 +311,8 @@ pub enum Merge {
     FarthestPair,
     /// No pair: the nearer fragment replaces the other (a z-buffer, one layer).
     Replace,
-    /// Two fragments of one window are summed; if there are none, the two deepest are closed. For
-    /// [`Group::Window`], and for [`Group::Interval`], which never sums.
+    /// Two fragments of one window are summed; if there are none, the two deepest are closed. This
+    /// rule is for the groups `window` and `interval`; `interval` never sums.
     Window,
 }
 

@@ -307,7 +307,10 @@ impl fmt::Display for Word {
     }
 }
 
-/// The two JSON notations of a [`Word`].
+/// A word in JSON: its format, or an object with format, rounding and overflow. A format is `U`
+/// (unsigned) or `I` (signed) with the number of integer bits, which includes the sign bit, and `F`
+/// with the number of fraction bits: `I4F22` has 26 bits; `U-2F16` has 14 bits, and its values are
+/// from 0 to below 0.25.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum WordText {
