@@ -11,7 +11,7 @@ use std::fmt::Write;
 macro_rules! names {
     () => {
         "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
-         volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
+         volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet, city\n\
          Named machines: reference, lean, tiny, window; volume; gaussian"
     };
 }
@@ -145,8 +145,8 @@ pub(super) const TRACE: &str = concat!(
     "UNIT.in.hex and UNIT.out.hex have one record per line, README.md describes the\n\
      fields, machine_pkg.sv and records.svh (C: records.h) define them. A frame can\n\
      have a million records: --sample, --pixels or --stimulus limits them.\n\
-     Units: pipeline, project, ellipse, sort (of Gaussians), raster, gauss, fragment,\n\
-     shade, resolve\n",
+     Units: pipeline, project, ellipse, colour (of harmonics), sort (of Gaussians),\n\
+     raster, gauss, fragment, shade, resolve\n",
     names!()
 );
 
@@ -158,8 +158,8 @@ pub(super) const DIFF: &str = "FILE has one record per line in hexadecimal, as D
     compares them.\n\
     Exit status: 0 if all records are equal, 1 if not, 2 if a file is malformed.";
 
-pub(super) const UNIT: &str = "Units: project, ellipse, sort (of Gaussians), raster, gauss, fragment, shade,\n\
-    resolve. Records come from standard input, one per line, as in a trace: the\n\
+pub(super) const UNIT: &str = "Units: project, ellipse, colour (of harmonics), sort (of Gaussians), raster,\n\
+    gauss, fragment, shade, resolve. Records come from standard input, one per line, as in a trace: the\n\
     output for gauss.in.hex is gauss.out.hex. An empty line, and the end of the\n\
     input, end a frame: then sort prints, and fragment writes what its pixels hold.\n\
     Exit status 2 if a record is malformed, with its line and field.";
