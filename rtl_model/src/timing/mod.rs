@@ -40,6 +40,7 @@ mod tiles;
 mod walk;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
+pub use binned::Lists;
 pub use binned::batched::replay_all;
 pub use limit::{Limit, Limited, limit, limits, most_gained};
 pub use memory::{Direction, MemoryCycles, REQUESTERS, Request, Requester, serve};
