@@ -625,11 +625,13 @@ fn only_the_pipeline_names_several_units() {
             .into_iter()
             .collect()
     };
-    check(
-        &sources(&[MACHINE]),
-        |path| !path.starts_with(PIPELINE) && !path.starts_with(UNITS),
-        rule,
-    );
+    // Lists of tiles run one unit, whose result depends on timing.
+    let is_exempt = |path: &str| {
+        path.starts_with(PIPELINE)
+            || path.starts_with(UNITS)
+            || path.ends_with("timing/binned/lists.rs")
+    };
+    check(&sources(&[MACHINE]), |path| !is_exempt(path), rule);
 }
 
 /// Function and time meet only in recorded work: timing computes no values, and code that computes

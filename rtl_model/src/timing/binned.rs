@@ -19,7 +19,7 @@
 pub mod batched;
 mod lists;
 
-pub use lists::Lists;
+pub use lists::{Lists, TileTests};
 
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
@@ -65,6 +65,7 @@ struct Listed<'a> {
     sort: Vec<Unit>,
     /// First cycle of the second pass.
     from: u64,
+    tests: Option<TileTests>,
 }
 
 impl<'a> Listed<'a> {
@@ -90,6 +91,7 @@ impl<'a> Listed<'a> {
             bin,
             sort,
             from,
+            tests: lists.tests(),
         }
     }
 
@@ -106,6 +108,7 @@ impl<'a> Listed<'a> {
             setup,
             bin,
             sort,
+            tests,
             ..
         } = self;
         let of_engine = engines
@@ -157,6 +160,7 @@ impl<'a> Listed<'a> {
             tiles,
             texels,
             light,
+            tile_tests: tests,
             ..Cycles::of(units, memory, detail)
         }
     }

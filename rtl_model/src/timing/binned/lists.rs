@@ -47,6 +47,15 @@ impl Deref for Lists {
     }
 }
 
+/// Counts of tests of tiles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TileTests {
+    /// Tiles of all boxes.
+    pub tiles: u64,
+    /// Entries of all lists.
+    pub entries: u64,
+}
+
 /// Entries of a tile that are read or skipped.
 pub type Place = usize;
 
@@ -79,6 +88,14 @@ impl Lists {
                 results,
             }),
         }
+    }
+
+    /// Counts of the tests, if the machine has any.
+    pub fn tests(&self) -> Option<TileTests> {
+        self.tested.as_ref().map(|tested| TileTests {
+            tiles: tested.boxes.entries() as u64,
+            entries: self.entries() as u64,
+        })
     }
 
     /// Splats by the tiles that their boxes touch, listed there or not.

@@ -220,7 +220,16 @@ fn test_words() -> impl Strategy<Value = TestWords> {
     (
         prop::sample::select(Machine::NAMES.to_vec()),
         any::<bool>(),
-        prop_oneof![Just(Vec::new()), prop::collection::vec(one, 8)],
+        prop_oneof![
+            Just(Vec::new()),
+            prop::collection::vec(one.clone(), 8),
+            // One narrower word, the others as they are.
+            (0..8usize, 0..16i32, 0..16i32).prop_map(|(nth, int_bits, frac_bits)| {
+                let mut words = vec![(false, 0, 0, 2); 8];
+                words[nth] = (false, -int_bits, -frac_bits, 2);
+                words
+            }),
+        ],
     )
         .prop_map(|(name, is_seeded, words)| TestWords {
             name,
@@ -272,6 +281,9 @@ impl TestWords {
                 .copied()
                 .unwrap_or_default();
         }
+        // `project` refuses others.
+        let pixel = &mut machine.project.pixel.format;
+        pixel.frac_bits = pixel.frac_bits.max(1);
         machine.ellipse.conic_cross.format.frac_bits = machine.ellipse.conic.format.frac_bits;
         for word in [&mut machine.raster.first, &mut machine.raster.second] {
             word.overflow = Overflow::Saturate;
