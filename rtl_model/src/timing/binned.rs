@@ -212,7 +212,7 @@ struct TileState {
     corner: [u32; 2],
     /// Index of the next entry of its list, and its place among the boxes that touch the tile.
     nth: usize,
-    boxed: lists::Place,
+    boxed: usize,
     /// Bursts of its list that were requested, and the arrival of the last one.
     bursts: u64,
     burst_here: u64,

@@ -6,7 +6,9 @@
 //!            └──────────────────► order of the record, which has every tile of every box
 //! ```
 //! The record of a frame does not depend on the test: a rejected tile has no pixel of the splat.
-//! So a reader of the record skips rejected splats.
+//! So a reader of the record skips rejected splats. The result of a test depends on the side of
+//! tiles, which is a field of timing. Therefore this file runs the graph of the unit, on recorded
+//! words; the rest of timing computes no values.
 //!
 //! Law: `no_test_of_tiles_loses_a_pixel`.
 
@@ -55,9 +57,6 @@ pub struct TileTests {
     /// Entries of all lists.
     pub entries: u64,
 }
-
-/// Entries of a tile that are read or skipped.
-pub type Place = usize;
 
 impl Lists {
     /// Lists of a frame on a machine. A record without the words for a test has an entry in every
@@ -136,9 +135,9 @@ impl Lists {
         walk: &mut Stamps,
         work: &Work,
         (tile, corner): (usize, [u16; 2]),
-        mut place: Place,
+        mut place: usize,
         entry: u32,
-    ) -> Place {
+    ) -> usize {
         if let Some(tested) = &self.tested {
             let boxes = tested.boxes.of(tile);
             while boxes[place] != entry {
