@@ -382,6 +382,7 @@ fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
         ("lean", &["timing.organisation=immediate"], "torus-knot"),
         ("gaussian", &[], "bouquet"),
         ("tiny", &bought, "torus-knot"),
+        ("gaussian", &["bin.test=ellipse"], "bouquet"),
         (
             "gaussian",
             &[

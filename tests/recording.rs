@@ -180,6 +180,87 @@ fn a_replay_has_the_area_and_energy_of_the_run_at_any_digit_of_the_sort() {
     assert!(areas[0] < areas[2], "{areas:?}");
 }
 
+/// Tests of tiles give the same picture, and have the same cycles in a replay as in a run; they need
+/// a record with the words of splats.
+#[test]
+fn a_replay_has_the_cycles_of_the_run_with_any_test_of_tiles() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let json =
+        |path: String| -> Value { serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap() };
+    let scene = ["run", "bouquet", "--size", "64x48", "--quiet"];
+    let (record, with_words, replayed) = (path("frame.work"), path("words.work"), path("replay"));
+    let (mut pictures, mut entries) = (Vec::new(), Vec::new());
+    for (test, record) in [
+        ("ellipse", &with_words),
+        ("oriented-box", &with_words),
+        ("box", &record),
+    ] {
+        let (out, set) = (path("run"), format!("bin.test={test}"));
+        let set = ["--set", &set];
+        let run = splatsim(&[&scene[..], &set, &["--out", &out]].concat());
+        assert!(run.status.success(), "{run:?}");
+        if test != "oriented-box" {
+            let recorded = splatsim(&[&scene[..], &set, &["--record", record]].concat());
+            assert!(recorded.status.success(), "{recorded:?}");
+        }
+        let replay = splatsim(
+            &[
+                &["replay", &with_words],
+                &set[..],
+                &["--out", &replayed, "--what-if", "--quiet"],
+            ]
+            .concat(),
+        );
+        assert!(replay.status.success(), "{replay:?}");
+        let report = json(path("run/report.json"));
+        assert_eq!(
+            (&report["cycles"], &report["cost"]),
+            (
+                &json(path("replay/cycles.json")),
+                &json(path("replay/cost.json"))
+            ),
+            "{test}"
+        );
+        pictures.push(std::fs::read(path("run/fixed.png")).unwrap());
+        let tests = &report["cycles"]["tile_tests"];
+        entries.push(tests["entries"].as_u64().or(tests["tiles"].as_u64()));
+        assert_eq!(tests.is_null(), test == "box");
+    }
+    assert!(pictures.windows(2).all(|pair| pair[0] == pair[1]));
+    assert!(
+        entries[0] < entries[1] && entries[2].is_none(),
+        "{entries:?}"
+    );
+    // Records without tests have not changed.
+    let begins = |path: &str| std::fs::read(path).unwrap()[..16].to_vec();
+    assert_eq!(
+        [begins(&record), begins(&with_words)],
+        [b"splatsim-work-5\n".to_vec(), b"splatsim-work-7\n".to_vec()]
+    );
+    let refused = splatsim(&[
+        "replay",
+        &record,
+        "--set",
+        "bin.test=ellipse",
+        "--out",
+        &replayed,
+    ]);
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(
+        refused.status.code() == Some(2)
+            && told.contains("the record lacks the words of its splats")
+            && told.lines().count() == 1,
+        "{told}"
+    );
+    // A file that is cut off or has other words is damaged.
+    let bytes = std::fs::read(&with_words).unwrap();
+    let broken = path("broken.work");
+    std::fs::write(&broken, &bytes[..bytes.len() - 9]).unwrap();
+    let refused = splatsim(&["replay", &broken, "--out", &replayed]);
+    assert_eq!(refused.status.code(), Some(2), "{refused:?}");
+}
+
 /// Other kinds of the sort have the same cycles in a replay as in a run; buckets need a record with
 /// keys.
 #[test]
@@ -264,7 +345,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
         ),
         (
             "sort.key=U1F12",
-            "only fields below `timing` can change, and sort.kind, sort.tile_bits and sort.digit_bits",
+            "only fields below `timing` can change, and sort.kind, sort.tile_bits, sort.digit_bits and bin.test",
         ),
     ] {
         let refused = splatsim(&["replay", &record, "--set", set, "--out", &replayed]);

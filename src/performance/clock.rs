@@ -57,6 +57,9 @@ pub fn critical_paths(machine: &Elaborated) -> Vec<CriticalPath> {
             of.pace.latency,
         )
     });
+    let bin = t
+        .bin
+        .map(|bin| critical("bin", bin.words.path(), bin.latency));
     let sorter = t
         .sort
         .and_then(|sort| sort.sorter)
@@ -68,6 +71,7 @@ pub fn critical_paths(machine: &Elaborated) -> Vec<CriticalPath> {
     .map(|(name, path, cycles)| critical(name, path, cycles))
     .into_iter()
     .chain(colour)
+    .chain(bin)
     .chain(sorter)
     .chain(
         [

@@ -560,8 +560,16 @@ impl Energy {
             .filter(|unit| unit.name == unit::SORT && sorters > 0)
             .map(|unit| unit.account.busy as f64)
             .sum();
+        // A test of tiles works in every cycle of its unit: on a splat, or on a tile.
+        let tested: f64 = cycles
+            .units
+            .iter()
+            .filter(|unit| unit.name == unit::BIN)
+            .map(|unit| unit.account.busy as f64)
+            .sum();
         let items = |name: &str| match name {
             unit::SORT if sorters > 0 => sorted,
+            unit::BIN if machine.timing.bin.is_some() => tested,
             // Each shaded fragment may be reflected.
             "shade" | "reflect" => {
                 counted("shade") + counted("resolve-shade") + counted("setup-shade")
@@ -647,7 +655,14 @@ impl Energy {
             .timing
             .storage
             .fifos
-            .map(|fifo| items(fifo.to) * f64::from(2 * moved(fifo)))
+            .map(|fifo| {
+                // A splat leaves its FIFO once, however many tiles are tested.
+                let items = match fifo.to {
+                    unit::BIN => counted(unit::BIN),
+                    name => items(name),
+                };
+                items * f64::from(2 * moved(fifo))
+            })
             .iter()
             .sum();
         let of_sorters = sorted

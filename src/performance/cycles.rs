@@ -47,6 +47,9 @@ pub struct CyclesReport {
     /// pixels stop.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub early_termination: Option<EarlyTerminationReport>,
+    /// Tests of tiles; only for machines whose `bin.test` is not `box`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tile_tests: Option<TileTestsReport>,
     /// Times of each tile of a binned machine, as in `tiles.csv`.
     #[serde(skip)]
     pub tiles: Option<Tiles>,
@@ -60,6 +63,15 @@ pub struct LimitReport {
     pub by: &'static str,
     /// Cycles of the frame with the unit infinitely fast, a hazard of one cycle, or ideal memory.
     pub cycles_without: u64,
+}
+
+/// Tests of tiles.
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+pub struct TileTestsReport {
+    /// Tiles of the boxes of all splats: each is tested.
+    pub tiles: u64,
+    /// Entries of all tile lists: tiles that are not rejected.
+    pub entries: u64,
 }
 
 /// Savings by early termination, relative to the same machine without it.
@@ -249,6 +261,10 @@ impl CyclesReport {
                     contributions_left_out: saved.contributions_left_out,
                     contributions: saved.contributions,
                 }),
+            tile_tests: cycles.tile_tests.map(|tests| TileTestsReport {
+                tiles: tests.tiles,
+                entries: tests.entries,
+            }),
             tiles: cycles.tiles.clone(),
         }
     }
@@ -360,6 +376,14 @@ impl CyclesReport {
                 "\n{}",
                 wrapped(&format!("early termination: {skipped}, {left_out}"))
             );
+        }
+        if let Some(TileTestsReport { tiles, entries }) = self.tile_tests {
+            let listed = format!(
+                "tests of tiles: {} of {} tiles of boxes have an entry",
+                thousands(entries),
+                thousands(tiles)
+            );
+            let _ = write!(text, "\n{}", wrapped(&listed));
         }
         text
     }

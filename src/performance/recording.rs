@@ -4,6 +4,7 @@
 //! run --record FILE ─► "splatsim-work-5\n", machine and scene's name, events ─► replay FILE: any
 //! timing of the same machine
 //!                      "splatsim-work-6\n", the same, and the keys of sorted splats, where buckets depend on them
+//!                      "splatsim-work-7\n", the same, and the words of splats, where tests of tiles depend on them
 //! ```
 //! The events depend on all fields of a machine except `timing`: only `timing` can be changed.
 //!
@@ -25,9 +26,11 @@ use crate::performance::roofline;
 use crate::performance::timings::{Axes, Timings, Variants, holds_stack};
 use crate::scene::MOST_PIXELS;
 use rtl_model::Machine;
+use rtl_model::elaboration::microarchitecture::BinWords;
 use rtl_model::machine::SortKind;
+use rtl_model::num::Word;
 use rtl_model::timing::{self, Detail};
-use rtl_model::work::Work;
+use rtl_model::work::{TestedWords, Work};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io::{Read, Write};
@@ -37,9 +40,12 @@ use std::path::{Path, PathBuf};
 const MAGIC: &[u8] = b"splatsim-work-5\n";
 /// Beginning of a file with keys at its end.
 const MAGIC_WITH_KEYS: &[u8] = b"splatsim-work-6\n";
+/// Beginning of a file with keys, which may be empty, and words for tests of tiles at its end.
+const MAGIC_WITH_WORDS: &[u8] = b"splatsim-work-7\n";
 
-/// Fields outside of `timing` that change no picture: how the order is computed, not which it is.
-const OF_SORT: [&str; 3] = ["sort.kind", "sort.tile_bits", "sort.digit_bits"];
+/// Fields outside of `timing` that change no picture: how the order is computed, not which it is;
+/// and which tiles are tested for having no pixel.
+const OF_ORDER: [&str; 4] = ["sort.kind", "sort.tile_bits", "sort.digit_bits", "bin.test"];
 
 /// Columns and rows of the roofline.
 const ROOFLINE_PX: [u32; 2] = [860, 600];
@@ -106,7 +112,9 @@ impl Recording {
             let mut begins = Vec::new();
             let read = fs::File::open(path)
                 .and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
-            read.is_ok() && (begins.is_empty() || [MAGIC, MAGIC_WITH_KEYS].contains(&&begins[..]))
+            read.is_ok()
+                && (begins.is_empty()
+                    || [MAGIC, MAGIC_WITH_KEYS, MAGIC_WITH_WORDS].contains(&&begins[..]))
         };
         if path.exists() && !(path.is_file() && is_recording()) {
             return input_error("it exists and is not a recording");
@@ -126,22 +134,25 @@ impl Recording {
             machine,
             work: self.work,
         };
-        let keys = &parts.work.keys;
+        let Work {
+            keys,
+            tested,
+            cutoff,
+            ..
+        } = &parts.work;
+        let magic = match (keys.is_empty(), tested.is_empty()) {
+            (true, true) => MAGIC,
+            (false, true) => MAGIC_WITH_KEYS,
+            (_, false) => MAGIC_WITH_WORDS,
+        };
         write_beside(path, |file| {
-            file.write_all(if keys.is_empty() {
-                MAGIC
-            } else {
-                MAGIC_WITH_KEYS
-            })
-            .map_err(|error| error.to_string())?;
+            file.write_all(magic).map_err(|error| error.to_string())?;
             // On a full disk, postcard's own error reports a full buffer.
             let written = postcard::to_io(&parts, &mut *file).map(|_| ());
-            let written = written.and_then(|()| {
-                if keys.is_empty() {
-                    Ok(())
-                } else {
-                    postcard::to_io(keys, &mut *file).map(|_| ())
-                }
+            let written = written.and_then(|()| match magic {
+                MAGIC => Ok(()),
+                MAGIC_WITH_KEYS => postcard::to_io(keys, &mut *file).map(|_| ()),
+                _ => postcard::to_io(&(keys, tested, cutoff), &mut *file).map(|_| ()),
             });
             written.map_err(|error| {
                 file.flush()
@@ -159,18 +170,23 @@ impl Recording {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
         let bytes =
             input::read(path).map_err(|error| input_error(&format!("cannot be read: {error}")))?;
-        let has_keys = bytes.starts_with(MAGIC_WITH_KEYS);
-        let rest = bytes
-            .strip_prefix(if has_keys { MAGIC_WITH_KEYS } else { MAGIC })
+        let kinds = [MAGIC, MAGIC_WITH_KEYS, MAGIC_WITH_WORDS];
+        let (magic, rest) = (kinds.into_iter())
+            .find_map(|magic| Some((magic, bytes.strip_prefix(magic)?)))
             .ok_or_else(|| {
                 input_error("is not a record of a frame's work, as `run --record` writes it")
             })?;
         let damaged = |what: &str| input_error(&format!("is damaged: {what}"));
         let (mut parts, mut left): (FileContents, &[u8]) = postcard::take_from_bytes(rest)
             .map_err(|_| damaged("it is truncated or has invalid values"))?;
-        if has_keys {
+        if magic == MAGIC_WITH_KEYS {
             (parts.work.keys, left) =
                 postcard::take_from_bytes(left).map_err(|_| damaged("its keys are truncated"))?;
+        }
+        if magic == MAGIC_WITH_WORDS {
+            let work = &mut parts.work;
+            ((work.keys, work.tested, work.cutoff), left) = postcard::take_from_bytes(left)
+                .map_err(|_| damaged("its keys or its words are truncated"))?;
         }
         if !left.is_empty() {
             return Err(damaged("it has data after its end"));
@@ -187,6 +203,9 @@ impl Recording {
         parts.work.check().map_err(|what| damaged(&what))?;
         holds_keys(&machine, &parts.work)
             .map_err(|_| damaged("its machine has buckets, but it has no keys"))?;
+        holds_words(&machine, &parts.work).map_err(|_| {
+            damaged("its machine tests tiles, but it has no words of its splats for this test")
+        })?;
         Ok(Recording {
             scene: parts.scene,
             machine,
@@ -201,15 +220,17 @@ impl Recording {
     pub fn set(&mut self, setting: &str) -> Result<()> {
         let flag = machines::flag("--set", setting);
         let field = setting.split('=').next().unwrap_or_default().trim();
-        if !field.starts_with("timing.") && !OF_SORT.contains(&field) {
-            let [kind, tile_bits, digit_bits] = OF_SORT;
+        if !field.starts_with("timing.") && !OF_ORDER.contains(&field) {
+            let [kind, tile_bits, digit_bits, test] = OF_ORDER;
             return Err(Error::input(format!(
-                "{flag}: the record contains what happened in the frame; only fields below `timing` can change, and {kind}, {tile_bits} and \
-                 {digit_bits}"
+                "{flag}: the record contains what happened in the frame; only fields below `timing` can change, and {kind}, {tile_bits}, {digit_bits} and \
+                 {test}"
             )));
         }
         let machine = machines::changed(&self.machine, setting, &flag)?;
         holds_keys(&machine, &self.work).map_err(|what| Error::input(format!("{flag}: {what}")))?;
+        holds_words(&machine, &self.work)
+            .map_err(|what| Error::input(format!("{flag}: {what}")))?;
         if let Some(what) = lacks_tile_bits(
             &machine,
             [self.work.width, self.work.height].map(|side| side as usize),
@@ -290,6 +311,28 @@ fn holds_keys(machine: &Machine, work: &Work) -> std::result::Result<(), String>
         .is_some_and(|sort| sort.kind == SortKind::Hierarchical);
     if has_buckets && work.keys.len() != work.order.len() {
         return Err("the record lacks the keys of its splats, which buckets depend on: record the frame with sort.kind=hierarchical".into());
+    }
+    Ok(())
+}
+
+/// Whether a record has the words of splats that a machine with a test of tiles needs, and they are
+/// words of the machine.
+fn holds_words(machine: &Machine, work: &Work) -> std::result::Result<(), String> {
+    let Some(words) = BinWords::of(machine) else {
+        return Ok(());
+    };
+    let fits = |word: Word, bits: i64| (word.format.min()..=word.format.max()).contains(&bits);
+    let is_word = |of: &TestedWords| {
+        let [xx, xy, yy] = of.conic.map(i64::from);
+        of.pixel.iter().all(|at| fits(words.pixel, i64::from(*at)))
+            && [xx, yy].iter().all(|at| fits(words.conic, *at))
+            && fits(words.conic_cross, xy)
+    };
+    let has_words = work.tested.len() == work.footprints.len()
+        && work.tested.iter().all(is_word)
+        && fits(words.cutoff, work.cutoff);
+    if !has_words {
+        return Err("the record lacks the words of its splats, which the test of tiles depends on: record the frame with bin.test=ellipse".into());
     }
     Ok(())
 }

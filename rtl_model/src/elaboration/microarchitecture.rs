@@ -11,7 +11,7 @@ use super::{Elaboration, Operator, Part, unit};
 use crate::machine::timing::{
     Cache, Environment, Memory, Organisation, Queue, Setup, Technology, Tile, Timing,
 };
-use crate::machine::{Group, Machine, Merge};
+use crate::machine::{BinTest, Group, Machine, Merge};
 use crate::num::Word;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -178,6 +178,9 @@ pub struct Microarchitecture {
     pub shade: Pace,
     /// An item is a pixel.
     pub resolve: Pace,
+    /// The test of tiles, if the machine has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bin: Option<BinShape>,
     /// The sort by depth, if splats are sorted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sort: Option<SortShape>,
@@ -215,7 +218,7 @@ pub struct Microarchitecture {
     pub paths: Paths,
     /// Pipeline registers of each unit.
     #[serde(skip)]
-    pub pipelines: [Pipeline; 8],
+    pub pipelines: [Pipeline; 9],
     /// Buffered words and words kept on the chip.
     pub storage: Storage,
     /// The memory at this clock, with the values of its preset.
@@ -282,6 +285,14 @@ pub struct Pipeline {
     pub units: u32,
 }
 
+/// A machine without a test of tiles.
+const NO_TEST: Pipeline = Pipeline {
+    unit: unit::BIN,
+    bits: 0,
+    merge_bits: 0,
+    units: 0,
+};
+
 impl Pipeline {
     fn new(unit: &'static str, pace: &Pace, units: u32, [comes_in, goes_out]: [i64; 2]) -> Self {
         let stages = u64::from(pace.latency.div_ceil(pace.interval));
@@ -308,6 +319,46 @@ pub struct Storage {
 
 /// Width of the sort's counts: they index as many entries as 4 bytes can.
 pub const SORT_COUNT_BITS: u64 = 32;
+
+/// A test of tiles. It tests one tile per cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct BinShape {
+    /// Kind of the test.
+    pub test: BinTest,
+    /// Cycles from a splat to its first entry.
+    pub latency: u32,
+    /// Words of its arithmetic.
+    #[serde(skip)]
+    pub words: BinWords,
+    /// Bits of a splat before the test, and of what the tests of its tiles use.
+    #[serde(skip)]
+    pub bits: [i32; 2],
+}
+
+/// A test of tiles, and the words that it uses. The unit `bin` builds its arithmetic from them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BinWords {
+    /// Kind of the test.
+    pub test: BinTest,
+    /// `project.pixel`.
+    pub pixel: Word,
+    /// `ellipse.conic`.
+    pub conic: Word,
+    /// `ellipse.conic_cross`.
+    pub conic_cross: Word,
+    /// `raster.cutoff`.
+    pub cutoff: Word,
+    /// `raster.offset`.
+    pub offset: Word,
+    /// `raster.gradient`.
+    pub gradient: Word,
+    /// `raster.radial`.
+    pub radial: Word,
+    /// `raster.first`.
+    pub first: Word,
+    /// `raster.second`.
+    pub second: Word,
+}
 
 /// A sort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
@@ -425,7 +476,12 @@ fn bits(words: &[(i32, Word)]) -> i32 {
 impl Machine {
     /// Elaborates the microarchitecture from the critical path of each unit. Adds its elaboration
     /// errors to those of the formats.
-    pub fn elaborate_timing(&self, e: &mut Elaboration, paths: &Paths) -> Microarchitecture {
+    pub fn elaborate_timing(
+        &self,
+        e: &mut Elaboration,
+        paths: &Paths,
+        bin: Option<BinShape>,
+    ) -> Microarchitecture {
         let memory = self.timing.memory.resolved(self.timing.clock_hz);
         let t = &Timing {
             memory,
@@ -664,6 +720,15 @@ impl Machine {
                 coloured.units,
                 [setup_out, widths.prepared],
             ),
+            bin.map_or(NO_TEST, |BinShape { latency, bits, .. }| {
+                let pace = Pace {
+                    units: 1,
+                    latency,
+                    interval: 1,
+                    fifo: 0,
+                };
+                Pipeline::new(unit::BIN, &pace, 1, bits.map(i64::from))
+            }),
             Pipeline::new(
                 unit::RASTER,
                 &raster,
@@ -720,6 +785,7 @@ impl Machine {
             shade_units,
             paths: *paths,
             pipelines,
+            bin,
             sort,
             lights_setup: f.group != Group::First,
             splat_bytes: bytes(splat + axes),

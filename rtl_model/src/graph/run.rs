@@ -382,7 +382,6 @@ impl Batch {
     }
 
     /// A result of eight items.
-    #[cfg(test)]
     pub fn result(&self, program: &Program, output: usize, row: usize) -> [i64; LANES] {
         match program.outputs[output] {
             Place::Word(at) => self.words[at][row].get().map(i64::from),

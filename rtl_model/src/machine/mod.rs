@@ -26,6 +26,9 @@ pub struct Machine {
     /// elsewhere for the view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<Colour>,
+    /// Lists of tiles. Left out: a splat has an entry in every tile that its box touches.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bin: Option<Bin>,
     /// Sort by depth. Left out: splats stay in input order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sort: Option<Sort>,
@@ -251,6 +254,28 @@ impl Default for Colour {
             basis: signed(3, 15),
         }
     }
+}
+
+/// Decides whether a splat gets an entry in the list of a tile that its box touches. Each test
+/// gives the same picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum BinTest {
+    /// Always.
+    #[default]
+    Box,
+    /// If the tile's part of the box meets a box that is turned with the ellipse.
+    OrientedBox,
+    /// If the tile's part of the box meets the ellipse.
+    Ellipse,
+}
+
+/// Lists of tiles, on a binned machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Bin {
+    /// Test of a tile; left out, `box`.
+    pub test: BinTest,
 }
 
 /// How a row of the box is started.

@@ -113,6 +113,7 @@ fn reference() -> Machine {
             ellipsoid: None,
         },
         colour: None,
+        bin: None,
         sort: None,
         raster: Raster {
             rows: Rows::Differenced,
@@ -259,6 +260,7 @@ fn lean() -> Machine {
             ellipsoid: None,
         },
         colour: None,
+        bin: None,
         sort: None,
         raster: Raster {
             rows: Rows::Seeded,
@@ -388,6 +390,7 @@ fn tiny() -> Machine {
             ellipsoid: None,
         },
         colour: None,
+        bin: None,
         sort: None,
         raster: Raster {
             rows: Rows::Seeded,

@@ -4,10 +4,13 @@
 //! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
 
 use super::discs::Discs;
-use crate::elaboration::microarchitecture::{Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS};
+use crate::elaboration::microarchitecture::{
+    BinShape, BinWords, Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS,
+};
 use crate::elaboration::{Elaboration, Operator, Part, Signal};
 use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
+use crate::machine::timing::Organisation;
 use crate::machine::{Group, MOST_TILE_BITS, Machine, SortKind, Splat};
 use crate::num::{Fit, Format, MAX_WIDTH_BITS};
 use crate::records::unit;
@@ -146,7 +149,10 @@ impl Machine {
             shade: e.copies(self.shade_units(), |e| shade::Shade::new(e, self)),
             resolve: resolve::Resolve::new(e, self),
             emission: self.elaborate_emission(e),
-            timing: self.elaborate_timing(e, &self.paths()),
+            timing: {
+                let bin = self.elaborate_bin(e);
+                self.elaborate_timing(e, &self.paths(), bin)
+            },
             machine: self.clone(),
             signals: std::mem::take(&mut e.signals),
             parts: std::mem::take(&mut e.parts),
@@ -156,6 +162,21 @@ impl Machine {
         } else {
             Err(std::mem::take(&mut e.errors))
         }
+    }
+
+    /// The test of tiles, if the machine has one.
+    fn elaborate_bin(&self, e: &mut Elaboration) -> Option<BinShape> {
+        let words = BinWords::of(self)?;
+        e.require(self.timing.organisation == Organisation::Binned, || {
+            "timing.organisation is immediate, but bin.test tests tiles, and only a binned machine has lists of tiles: leave `bin` out, or use binned".into()
+        });
+        words.declare(e);
+        Some(BinShape {
+            test: words.test,
+            latency: words.path().cycles_at(&self.timing).max(1),
+            bits: [words.splat_bits(), words.tile_bits()],
+            words,
+        })
     }
 
     fn elaborate_sort(&self, e: &mut Elaboration) -> Option<Fit> {

@@ -15,7 +15,7 @@ use crate::units::colour::{Colour, coefficients};
 use crate::units::ellipse::Ellipse;
 use crate::units::fragment::window::WindowRegisters;
 use crate::units::{ellipse, project, raster, shade};
-use crate::work::{Bins, CULLED};
+use crate::work::{Bins, CULLED, TestedWords};
 use rayon::prelude::*;
 
 /// A splat that has been set up: what setup adds to the splat's own words, and waits in memory
@@ -86,6 +86,17 @@ impl Setup {
             probe.sorted(order.iter().map(|(_, nth, _)| *nth).collect(), keys);
         }
         self.order = order.into_iter().map(|(.., entry)| entry).collect();
+    }
+
+    /// Words for tests of tiles.
+    fn tested(&self) -> Vec<TestedWords> {
+        let splats = self.blocks.iter().flatten();
+        splats
+            .map(|splat| TestedWords {
+                pixel: splat.raster.pixel,
+                conic: splat.raster.conic,
+            })
+            .collect()
     }
 
     /// Splats that are left.
@@ -185,6 +196,9 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
     }
     if P::WORK && frame.surroundings.is_some() {
         probe.mirrors();
+    }
+    if P::WORK && machine.timing.bin.is_some() {
+        probe.tested(whole.tested(), frame.view.cutoff);
     }
     if let (Some(sort), true) = (
         &machine.sort,

@@ -24,7 +24,7 @@ use crate::num::{Exacts, Fit, LANES, Lanes, LimitedWords, Register, Words, three
 use crate::records::{
     Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed,
 };
-use crate::work::CULLED;
+use crate::work::{CULLED, TestedWords};
 
 /// A probe of the machine.
 pub trait Probe: Send + Sync + Sized {
@@ -114,6 +114,9 @@ pub trait Probe: Send + Sync + Sized {
     /// All splats with a box have been observed. They are drawn in this order, given as indices
     /// among them.
     fn sorted(&mut self, _order: Vec<u32>, _keys: Vec<u32>) {}
+    /// All splats with a box have been observed. Tiles are tested with these words of them, in
+    /// input order, and this cutoff.
+    fn tested(&mut self, _words: Vec<TestedWords>, _cutoff: i64) {}
     /// Splats are ellipsoids: whether those with a box are lit before they are drawn, whether all
     /// have the axes in the registers, and the degree of the harmonics of their colours.
     fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool, _harmonics: u8) {}

@@ -2,7 +2,7 @@
 
 use super::Probe;
 use crate::records::Decision;
-use crate::work::{CULLED, Event, Recorder};
+use crate::work::{CULLED, Event, Recorder, TestedWords};
 
 impl Probe for Recorder {
     const WORDS: bool = false;
@@ -24,6 +24,10 @@ impl Probe for Recorder {
 
     fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         Recorder::sorted(self, order, keys);
+    }
+
+    fn tested(&mut self, words: Vec<TestedWords>, cutoff: i64) {
+        Recorder::tested(self, words, cutoff);
     }
 
     fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {

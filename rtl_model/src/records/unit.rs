@@ -8,6 +8,8 @@ pub const PROJECT: &str = "project";
 pub const ELLIPSE: &str = "ellipse";
 /// Spherical harmonics → colour.
 pub const COLOUR: &str = "colour";
+/// Tests tiles and writes their lists.
+pub const BIN: &str = "bin";
 /// Sorts splats by depth.
 pub const SORT: &str = "sort";
 /// Ellipse → fragments.
@@ -28,9 +30,9 @@ pub const ALL: [&str; 9] = [
     PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE,
 ];
 
-/// All units with parts. Fetch, where it walks trees, has no words.
-pub const BUILT: [&str; 11] = [
-    FETCH, PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
+/// All units with parts. Fetch, where it walks trees, has no words; bin uses those of raster.
+pub const BUILT: [&str; 12] = [
+    FETCH, PROJECT, ELLIPSE, COLOUR, BIN, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
 ];
 
 /// All units with words: those with ports, and reflect, which is inside shade and shares its ports.

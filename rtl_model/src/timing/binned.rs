@@ -17,6 +17,9 @@
 //! `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
 
 pub mod batched;
+mod lists;
+
+pub use lists::{Lists, TileTests};
 
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
@@ -31,7 +34,7 @@ use super::tiles::{Shares, TileCycles, Tiles, names};
 use crate::elaboration::microarchitecture::{self, LENGTH_VALUES, Microarchitecture, Pace};
 use crate::elaboration::unit;
 use crate::machine::timing::Queue;
-use crate::work::{Bins, Footprint, Work, each_tile};
+use crate::work::{Footprint, Work};
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
@@ -43,7 +46,7 @@ pub const LIST_BYTES: u64 = 1 << 24;
 
 /// Replays a frame.
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
-    let lists = work.bins(timing.timing.tile.side_px as usize);
+    let lists = Lists::new(timing, work);
     let mut listed = Listed::new(timing, work, &lists, detail);
     let pass = SecondPass::new(timing, work, &lists, listed.from);
     let (engines, stamps, tiles, saved) = pass.run(&mut listed.memory, detail);
@@ -62,11 +65,12 @@ struct Listed<'a> {
     sort: Vec<Unit>,
     /// First cycle of the second pass.
     from: u64,
+    tests: Option<TileTests>,
 }
 
 impl<'a> Listed<'a> {
     /// Replays the first pass and the sort.
-    fn new(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, detail: Detail) -> Self {
+    fn new(t: &'a Microarchitecture, work: &'a Work, lists: &Lists, detail: Detail) -> Self {
         let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
         let (setup, bin, listed) = first_pass(t, work, lists, &mut memory, detail);
         let (sort, sorted) = match work.order.is_empty() {
@@ -87,6 +91,7 @@ impl<'a> Listed<'a> {
             bin,
             sort,
             from,
+            tests: lists.tests(),
         }
     }
 
@@ -103,6 +108,7 @@ impl<'a> Listed<'a> {
             setup,
             bin,
             sort,
+            tests,
             ..
         } = self;
         let of_engine = engines
@@ -154,6 +160,7 @@ impl<'a> Listed<'a> {
             tiles,
             texels,
             light,
+            tile_tests: tests,
             ..Cycles::of(units, memory, detail)
         }
     }
@@ -161,7 +168,7 @@ impl<'a> Listed<'a> {
 
 /// Cycles of sorting the queue by the lengths of lists, between the passes, digit by digit: one per
 /// tile with an entry, and one per value of the digit.
-fn queue_cycles(lists: &Bins) -> u64 {
+fn queue_cycles(lists: &Lists) -> u64 {
     let tiles = (0..lists.tiles())
         .filter(|tile| !lists.of(*tile).is_empty())
         .count() as u64;
@@ -172,7 +179,7 @@ fn queue_cycles(lists: &Bins) -> u64 {
 struct SecondPass<'a> {
     t: &'a Microarchitecture,
     work: &'a Work,
-    lists: &'a Bins,
+    lists: &'a Lists,
     /// Its first cycle.
     from: u64,
     /// Tiles with an entry, and their positions in the queue.
@@ -203,8 +210,9 @@ struct TileState {
     place: usize,
     turn: usize,
     corner: [u32; 2],
-    /// Index of the next entry of its list.
+    /// Index of the next entry of its list, and its place among the boxes that touch the tile.
     nth: usize,
+    boxed: usize,
     /// Bursts of its list that were requested, and the arrival of the last one.
     bursts: u64,
     burst_here: u64,
@@ -275,7 +283,7 @@ impl<'a> Engine<'a> {
 }
 
 impl<'a> SecondPass<'a> {
-    fn new(t: &'a Microarchitecture, work: &'a Work, lists: &'a Bins, from: u64) -> Self {
+    fn new(t: &'a Microarchitecture, work: &'a Work, lists: &'a Lists, from: u64) -> Self {
         let mut queue: Vec<usize> = (0..lists.tiles())
             .filter(|tile| !lists.of(*tile).is_empty())
             .collect();
@@ -420,6 +428,7 @@ impl<'a> SecondPass<'a> {
             turn,
             corner,
             nth: 0,
+            boxed: 0,
             bursts: 0,
             burst_here: 0,
             buffer_free,
@@ -463,7 +472,10 @@ impl<'a> SecondPass<'a> {
                 memory,
             )
         };
-        let area = (tile.corner.map(|at| at as u16), self.t.timing.tile.side_px);
+        let corner = tile.corner.map(|at| at as u16);
+        let area = (corner, self.t.timing.tile.side_px);
+        let entry = entries[tile.nth];
+        tile.boxed = (self.lists).skip(walk, self.work, (tile.place, corner), tile.boxed, entry);
         let taken = match stops {
             None => {
                 fill.footprint(walk, footprint, area, from, |stamp, here| {
@@ -627,7 +639,7 @@ impl<'a> SecondPass<'a> {
 fn first_pass<'a>(
     t: &'a Microarchitecture,
     work: &'a Work,
-    lists: &Bins,
+    lists: &Lists,
     memory: &mut Memory,
     detail: Detail,
 ) -> (SetUp<'a>, Unit, u64) {
@@ -648,6 +660,8 @@ fn first_pass<'a>(
         t.lifted,
     );
     let each = u64::from(!bin.is_lifted());
+    // Records and entries leave the unit behind the test.
+    let tested = t.bin.map_or(0, |bin| u64::from(bin.latency));
     // Sorters load entries with keys, from separate lists.
     let keyed_bytes = t
         .sort
@@ -685,16 +699,16 @@ fn first_pass<'a>(
             }
         }
         let Some(here) = ahead.pop_front() else { break };
-        let mut entries = 0;
-        each_tile(footprint.sides(), side, lists.columns, |_| entries += 1);
-        // A record, then one entry per cycle; writes are queued.
+        let mut tiles = 0;
+        lists.each(nth, footprint, side, |_, _| tiles += 1);
+        // A record, then one tile per cycle: its test, its entry. Writes are queued.
         let now = bin.take(
             Ready {
                 here,
                 memory: outstanding.free(),
                 ..Ready::default()
             },
-            1 + entries,
+            1 + tiles,
         );
         setup.give(here, now);
         let mut write = |when: u64, address: u64| {
@@ -704,11 +718,14 @@ fn first_pass<'a>(
         };
         // Records are consecutive: a burst is written when it is full.
         let full = (nth as u64 + 1) * u64::from(t.prepared_bytes) / burst;
-        (record_bursts..full).for_each(|full| write(now, RECORDS + full * burst));
+        (record_bursts..full).for_each(|full| write(now + tested, RECORDS + full * burst));
         record_bursts = full;
-        let mut when = now;
-        each_tile(footprint.sides(), side, lists.columns, |tile| {
+        let mut when = now + tested;
+        lists.each(nth, footprint, side, |tile, is_listed| {
             when += each;
+            if !is_listed {
+                return;
+            }
             lengths[tile] += 1;
             // An entry is not longer than a burst. A burst is therefore full if less than an entry
             // is behind it.

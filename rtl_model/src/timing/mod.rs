@@ -41,6 +41,7 @@ mod walk;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use binned::batched::replay_all;
+pub use binned::{Lists, TileTests};
 pub use limit::{Limit, Limited, limit, limits, most_gained};
 pub use memory::{Direction, MemoryCycles, REQUESTERS, Request, Requester, serve};
 pub use stops::EarlyTermination;
@@ -78,6 +79,8 @@ pub struct Cycles {
     pub tiles: Option<Tiles>,
     /// For a binned machine on a frame in which pixels stop.
     pub early_termination: Option<EarlyTermination>,
+    /// For a machine that tests tiles.
+    pub tile_tests: Option<TileTests>,
 }
 
 impl Cycles {
@@ -110,6 +113,7 @@ impl Cycles {
             harmonics: 0,
             tiles: None,
             early_termination: None,
+            tile_tests: None,
         }
     }
 }

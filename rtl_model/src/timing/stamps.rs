@@ -162,6 +162,12 @@ impl<'a> Stamps<'a> {
         across * down.div_ceil(self.lanes[1])
     }
 
+    /// Skips the part of the next footprint in these pixels, which has no kept pixel.
+    pub fn skip(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32) {
+        self.footprint(footprint, corner, side);
+        debug_assert!(self.pieces.is_empty(), "a rejected tile has a kept pixel");
+    }
+
     /// Pieces of each stamp with a kept pixel.
     #[inline(always)]
     pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {

@@ -1,6 +1,7 @@
 //! Units: the blocks of the diagram, in its order. One file per block: ports, formats, losses,
 //! function, laws.
 
+pub mod bin;
 pub mod colour;
 pub mod ellipse;
 pub mod fragment;

@@ -115,6 +115,15 @@ pub struct Footprint {
     pub rows: [u16; 2],
 }
 
+/// Words of a drawn splat that a test of tiles uses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TestedWords {
+    /// Position from the picture's middle (`project.pixel`).
+    pub pixel: [i32; 2],
+    /// Q00, Q01, Q11 (`ellipse.conic`, `ellipse.conic_cross`).
+    pub conic: [i32; 3],
+}
+
 impl Footprint {
     /// Columns and rows.
     pub fn sides(&self) -> [[u16; 2]; 2] {
@@ -244,6 +253,12 @@ pub struct Work {
     /// it; else empty.
     #[serde(skip)]
     pub keys: Vec<u32>,
+    /// Words of each drawn splat, in input order, on a machine that tests tiles; else empty.
+    #[serde(skip)]
+    pub tested: Vec<TestedWords>,
+    /// The cutoff (`raster.cutoff`) on such a machine; else 0.
+    #[serde(skip)]
+    pub cutoff: i64,
     /// Every drawn splat is lit before it is drawn.
     pub preshaded: bool,
     /// All splats have the axes in the registers.
@@ -293,6 +308,7 @@ impl Work {
     pub fn bytes(&self) -> usize {
         self.cull_reasons.len()
             + 4 * (self.order.len() + self.keys.len())
+            + size_of::<TestedWords>() * self.tested.len()
             + size_of::<Footprint>() * self.footprints.len()
             + self.tiles.iter().map(Tile::bytes).sum::<usize>()
             + size_of::<Visit>() * self.walk.len()
@@ -398,6 +414,8 @@ pub struct Recorder {
     culled: Vec<(u32, CullReason)>,
     order: Vec<u32>,
     keys: Vec<u32>,
+    tested: Vec<TestedWords>,
+    cutoff: i64,
     preshaded: bool,
     shared_axes: bool,
     harmonics: u8,
@@ -424,6 +442,8 @@ impl Recorder {
             culled,
             order,
             keys,
+            tested,
+            cutoff,
             preshaded,
             shared_axes,
             harmonics,
@@ -443,6 +463,8 @@ impl Recorder {
             footprints,
             order,
             keys,
+            tested,
+            cutoff,
             preshaded,
             shared_axes,
             harmonics,
@@ -500,6 +522,11 @@ impl Recorder {
     /// input order.
     pub fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         (self.order, self.keys) = (order, keys);
+    }
+
+    /// Tiles are tested: words of all splats with a box, in input order, and the cutoff.
+    pub fn tested(&mut self, words: Vec<TestedWords>, cutoff: i64) {
+        (self.tested, self.cutoff) = (words, cutoff);
     }
 
     /// Splats are ellipsoids: whether those with a box are lit before they are drawn, whether all
@@ -650,6 +677,25 @@ impl Bins {
     /// Number of entries in all tiles.
     pub fn entries(&self) -> usize {
         self.entries.len()
+    }
+
+    /// Removes the entries that do not hold, by tile and number.
+    pub fn retain(&mut self, mut holds: impl FnMut(usize, u32) -> bool) {
+        let mut kept = 0;
+        for tile in 0..self.tiles() {
+            let (from, to) = (self.starts[tile], self.starts[tile + 1]);
+            self.starts[tile] = kept;
+            for place in from..to {
+                let entry = self.entries[place];
+                if holds(tile, entry) {
+                    self.entries[kept] = entry;
+                    kept += 1;
+                }
+            }
+        }
+        let tiles = self.tiles();
+        self.starts[tiles] = kept;
+        self.entries.truncate(kept);
     }
 
     /// The numbers of the boxes that touch a tile.

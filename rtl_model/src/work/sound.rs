@@ -146,6 +146,10 @@ impl Work {
         let is_order = self.order.is_empty()
             || self.order.len() == self.footprints.len() && seen.iter().all(|seen| *seen);
         require(is_order, "its order leaves splats out")?;
+        require(
+            self.tested.is_empty() || self.tested.len() == self.footprints.len(),
+            "its words for tests of tiles are not those of its splats",
+        )?;
         let have_keys = self.keys.is_empty() || self.keys.len() == self.order.len();
         require(
             have_keys

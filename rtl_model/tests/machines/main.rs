@@ -4,6 +4,7 @@
 mod drawing;
 mod elaboration;
 mod frames;
+mod lists;
 mod memory;
 mod mutation;
 mod reach;

@@ -4,8 +4,8 @@ use crate::frames::{ellipsoids, frame};
 use proptest::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::machine::SortKind;
 use rtl_model::machine::timing::{Organisation, Queue, Sorter, Technology};
+use rtl_model::machine::{Bin, BinTest, SortKind};
 use rtl_model::pipeline::draw_measured;
 use rtl_model::timing::{Cycles, Detail, Limited, UnitCycles, limit, most_gained, replay};
 use rtl_model::work::Work;
@@ -580,7 +580,7 @@ fn tiles_of_any_size_do_the_same_work() {
 }
 
 /// Machines and their work.
-static WORKS: LazyLock<[(Machine, Work); 6]> = LazyLock::new(|| {
+static WORKS: LazyLock<[(Machine, Work); 7]> = LazyLock::new(|| {
     let names = [
         ("reference", None),
         ("window", None),
@@ -588,11 +588,15 @@ static WORKS: LazyLock<[(Machine, Work); 6]> = LazyLock::new(|| {
         ("gaussian", None),
     ];
     let sorters = [SortKind::Tile, SortKind::Hierarchical].map(|kind| ("gaussian", Some(kind)));
-    let works = [names.as_slice(), &sorters]
+    let tested = [("gaussian", Some(SortKind::Radix))];
+    let works = [names.as_slice(), &sorters, &tested]
         .concat()
         .into_iter()
         .map(|(name, kind)| {
             let mut machine = Machine::named(name).unwrap();
+            let test = BinTest::Ellipse;
+            machine.bin = (kind == Some(SortKind::Radix)).then_some(Bin { test });
+            let kind = kind.filter(|kind| *kind != SortKind::Radix);
             if let (Some(kind), Some(sort)) = (kind, &mut machine.sort) {
                 sort.kind = kind;
                 let units = if kind == SortKind::Tile { 1 } else { 3 };
@@ -611,7 +615,7 @@ static WORKS: LazyLock<[(Machine, Work); 6]> = LazyLock::new(|| {
             };
             (machine, work)
         });
-    let works: [(Machine, Work); 6] = works.collect::<Vec<_>>().try_into().unwrap();
+    let works: [(Machine, Work); 7] = works.collect::<Vec<_>>().try_into().unwrap();
     assert!(
         works.iter().all(|(_, work)| !work.footprints.is_empty()),
         "nothing is drawn"
@@ -711,7 +715,7 @@ proptest! {
     /// Limits whose bound is below the found gain are not tried; so none of them would gain more.
     #[test]
     fn no_limit_costs_more_than_its_bound_without_a_replay(
-        values in prop::collection::vec(0..5usize, BETWEEN.len()), binned in any::<bool>(), which in 0..6usize, ideal in prop::bool::weighted(0.25),
+        values in prop::collection::vec(0..5usize, BETWEEN.len()), binned in any::<bool>(), which in 0..7usize, ideal in prop::bool::weighted(0.25),
     ) {
         bounds_hold(&values, binned, which, ideal)?;
     }

@@ -673,6 +673,58 @@ fn sorters_tick_as_they_are_replayed() {
     );
 }
 
+/// Tests of tiles, with lists of all kinds: many tiles are rejected, and some splats have no entry.
+#[test]
+fn tests_of_tiles_tick_as_they_are_replayed() {
+    let (mut events, mut unlisted, mut tiles) = (EventCounts::default(), 0, 0);
+    for (size, splats, cases) in [([60, 50], 40, 200), ([120, 100], 400, 60)] {
+        for seed in seeds(cases) {
+            let mut rng = Rng(seed);
+            let timing = of(Organisation::Binned, &mut rng);
+            let scene = scene::random(&mut rng, size, splats);
+            let (scene, machine) = match seed % 4 {
+                0 => (scene, machines::testing_tiles(&mut rng, timing)),
+                1 => {
+                    let timing = machines::several(&mut rng, timing);
+                    (scene, machines::testing_tiles(&mut rng, timing))
+                }
+                2 => {
+                    let machine = machines::sorting(&mut rng, timing);
+                    (scene.sorted(&mut rng), machine)
+                }
+                _ => {
+                    let machine = machines::sorting_lists(&mut rng, timing);
+                    (scene.sorted(&mut rng), machine)
+                }
+            };
+            let machine = machines::with_test(&mut rng, machine);
+            let elaborated = machine.elaborate().unwrap().timing;
+            let (scene, words, cutoff) = scene.tested(&mut rng, &elaborated);
+            let scene = if seed % 3 == 1 {
+                scene.stopping(&mut rng)
+            } else {
+                scene
+            };
+            let mut work = scene.record();
+            (work.tested, work.cutoff) = (words, cutoff);
+            unlisted += scene.unlisted.len() as u64;
+            tiles += rtl_model::timing::Lists::new(&elaborated, &work).entries() as u64;
+            match compare(&elaborated, &scene, &work) {
+                Ok(ticked) => events.count(&ticked),
+                Err(difference) => panic!(
+                    "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
+                    machine.timing
+                ),
+            }
+        }
+    }
+    assert!(
+        unlisted > share_of(500) && tiles > share_of(3000),
+        "{unlisted} tiles are rejected, {tiles} are not"
+    );
+    assert!(events.0["bin busy"] > share_of(10_000), "{:?}", events.0);
+}
+
 #[test]
 fn a_scene_is_read_back_from_its_record() {
     for seed in 0..300 {

@@ -10,7 +10,8 @@
 //! Alternatively, sorters sort list after list (`sorters.rs`). Then `bin` writes entries with their
 //! keys.
 //!
-//! `bin` writes a record, then one entry per cycle. A burst is sent when it is full; after the last
+//! `bin` writes a record, then one entry per cycle. With a test of tiles it tests one tile per
+//! cycle instead, and all that it writes is later by the latency of the test. A burst is sent when it is full; after the last
 //! word all partial bursts are sent. `list` reads entries and the records that they point to.
 //! Fragments stall until a buffer is free. A tile is resolved when the last of its stamps is
 //! written or skipped; a stopped tile when none of its stamps is in flight.
@@ -246,6 +247,9 @@ impl<'a> BinnedMachine<'a> {
                     continue;
                 }
                 touched[place].push(tile);
+                if scene.unlisted.contains(&(place, tile)) {
+                    continue;
+                }
                 let stamps = stamps_of(
                     timing,
                     scene,
@@ -371,13 +375,18 @@ impl<'a> BinnedMachine<'a> {
         }
         self.setup.done().pop();
         let burst = self.burst();
+        // What is written leaves the test some cycles later.
+        let behind = self.timing.bin.map_or(0, |bin| u64::from(bin.latency));
         let before = self.record_bytes / burst;
         self.record_bytes += u64::from(self.timing.prepared_bytes);
         (before + 1..=self.record_bytes / burst)
-            .for_each(|full| self.write(self.now, RECORDS, full * burst));
+            .for_each(|full| self.write(self.now + behind, RECORDS, full * burst));
         let mut when = self.now;
         for tile in self.touched[splat].clone() {
             when += 1;
+            if self.scene.unlisted.contains(&(splat, tile)) {
+                continue;
+            }
             let before = self.list_bytes[tile] / burst;
             self.list_bytes[tile] += if self.sorters.is_some() {
                 self.shape().entry_bytes.into()
@@ -385,10 +394,14 @@ impl<'a> BinnedMachine<'a> {
                 ENTRY_BYTES
             };
             if self.list_bytes[tile] / burst > before {
-                self.write(when, self.place_of_list(tile), (before + 1) * burst);
+                self.write(
+                    when + behind,
+                    self.place_of_list(tile),
+                    (before + 1) * burst,
+                );
             }
         }
-        self.binned = when + 1;
+        self.binned = when + behind + 1;
         Act::Take(when + 1 - self.now)
     }
 

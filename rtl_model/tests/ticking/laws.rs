@@ -23,6 +23,7 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
         harmonics: 0,
         order: Vec::new(),
         keys: Vec::new(),
+        unlisted: Default::default(),
         mirrored: None,
     }
 }
@@ -365,6 +366,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         harmonics: 0,
         order: Vec::new(),
         keys: Vec::new(),
+        unlisted: Default::default(),
         mirrored: None,
     };
     let total = |outstanding: u32| {

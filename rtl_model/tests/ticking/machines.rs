@@ -5,11 +5,11 @@ use crate::frames::Rng;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
-use rtl_model::machine::SortKind;
 use rtl_model::machine::timing::{
     Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster,
     Resolve, Setup, Shade, Sorter, Stage, Technology, Timing,
 };
+use rtl_model::machine::{Bin, BinTest, SortKind};
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
 pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
@@ -88,6 +88,20 @@ pub fn sorting_lists(rng: &mut Rng, timing: Timing) -> Machine {
         bucket_bits,
     });
     machine.timing.memory.burst_bytes = machine.timing.memory.burst_bytes.max(8);
+    machine
+}
+
+/// A machine with this timing, without a sort.
+pub fn testing_tiles(rng: &mut Rng, timing: Timing) -> Machine {
+    let mut machine = sorting(rng, timing);
+    machine.sort = None;
+    machine
+}
+
+/// The machine with a test of tiles.
+pub fn with_test(rng: &mut Rng, mut machine: Machine) -> Machine {
+    let test = [BinTest::OrientedBox, BinTest::Ellipse][rng.below(2) as usize];
+    machine.bin = Some(Bin { test });
     machine
 }
 

@@ -2,7 +2,10 @@
 //! frame.
 
 use super::frames::{Rng, in_tile};
-use rtl_model::work::{CULLED, CullReason, Event, Recorder, TILE_PX, Work};
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
+use rtl_model::timing::Lists;
+use rtl_model::work::{CULLED, CullReason, Event, Recorder, TILE_PX, TestedWords, Work};
+use std::collections::BTreeSet;
 
 /// A splat, with the event of every pixel of its box, row by row; `None` for pixels that it does
 /// not cover.
@@ -69,6 +72,8 @@ pub struct Scene {
     pub order: Vec<usize>,
     /// Key of 24 bits by place, which sorts splats into this order; empty without an order.
     pub keys: Vec<u32>,
+    /// Places of splats, and tiles of their boxes in whose lists they have no entry.
+    pub unlisted: BTreeSet<(usize, usize)>,
     /// Texels per side of the map of reflected surroundings.
     pub mirrored: Option<usize>,
 }
@@ -164,6 +169,7 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
         harmonics: 0,
         order: Vec::new(),
         keys: Vec::new(),
+        unlisted: BTreeSet::new(),
         mirrored: None,
     };
     scene.clear_untouched();
@@ -303,6 +309,75 @@ impl Scene {
             keys,
             ..self
         }
+    }
+
+    /// The scene on a machine that tests tiles, with an ellipse in each box: tiles that the machine
+    /// rejects have no pixel of the splat, and no entry. Returns the words of the ellipses and the
+    /// cutoff, for the record.
+    pub fn tested(
+        mut self,
+        rng: &mut Rng,
+        timing: &Microarchitecture,
+    ) -> (Self, Vec<TestedWords>, i64) {
+        let words = timing.bin.expect("a test").words;
+        let one = |word: rtl_model::num::Word| f64::from(word.format.frac_bits).exp2();
+        let drawn = self.drawn();
+        let mut ellipse = |place: &usize| {
+            let splat = &self.splats[*place];
+            let mut centre = |[first, last]: [u16; 2], size: u32| {
+                rng.between(f64::from(first), f64::from(last) + 1.0) - f64::from(size) / 2.0
+            };
+            let centre = [
+                centre(splat.columns, self.width),
+                centre(splat.rows, self.height),
+            ];
+            // A line across the box, or a spot in it.
+            let [thin, long] = [rng.between(0.2, 1.9), rng.between(-9.0, 1.0).exp2()];
+            let (sin, cos) = rng.between(0.0, 3.2).sin_cos();
+            let conic = [
+                thin * sin * sin + long * cos * cos,
+                (long - thin) * sin * cos,
+                thin * cos * cos + long * sin * sin,
+            ];
+            TestedWords {
+                pixel: centre.map(|at| (at * one(words.pixel)) as i32),
+                conic: conic.map(|part| (part * one(words.conic)) as i32),
+            }
+        };
+        let tested: Vec<TestedWords> = drawn.iter().map(&mut ellipse).collect();
+        let cutoff = (rng.between(0.5, 9.0) * one(words.cutoff)) as i64;
+        let mut work = self.record();
+        (work.tested, work.cutoff) = (tested.clone(), cutoff);
+        let [lists, boxes] = [timing.bin, None].map(|bin| {
+            let timing = Microarchitecture {
+                bin,
+                ..timing.clone()
+            };
+            Lists::new(&timing, &work)
+        });
+        let side = timing.timing.tile.side_px as usize;
+        for tile in 0..boxes.tiles() {
+            for nth in boxes.of(tile) {
+                if lists.of(tile).contains(nth) {
+                    continue;
+                }
+                let place = drawn[*nth as usize];
+                self.unlisted.insert((place, tile));
+                let splat = &mut self.splats[place];
+                let [columns, _] = splat.size();
+                for (pixel, event) in splat.pixels.iter_mut().enumerate() {
+                    let at = [
+                        usize::from(splat.columns[0]) + pixel % columns,
+                        usize::from(splat.rows[0]) + pixel / columns,
+                    ]
+                    .map(|at| at / side);
+                    if at == [tile % boxes.columns, tile / boxes.columns] {
+                        *event = None;
+                    }
+                }
+            }
+        }
+        (self, tested, cutoff)
     }
 
     /// Places of the drawn splats, in submission order.
@@ -546,6 +621,7 @@ impl Scene {
             harmonics,
             order,
             keys,
+            unlisted: BTreeSet::new(),
             mirrored: None,
         }
     }

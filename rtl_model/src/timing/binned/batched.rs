@@ -15,14 +15,14 @@
 use super::super::account::{Account, Detail, Unit};
 use super::super::stages::{FinalPixels, light, merges_of};
 use super::super::stamps::{Piece, Stamps};
-use super::{Engine, Listed, SecondPass, TileState};
+use super::{Engine, Listed, Lists, SecondPass, TileState};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::kernels::host::{Kernel, vectorised};
 use crate::machine::timing::Organisation;
 use crate::num::lanes::{LANES, Lanes};
 use crate::timing::{Cycles, replay};
-use crate::work::{Bins, Footprint, TILE_PX, Work};
+use crate::work::{Footprint, TILE_PX, Work};
 use rayon::prelude::*;
 use std::array;
 use std::collections::VecDeque;
@@ -35,6 +35,7 @@ fn are_alike(one: &Microarchitecture, other: &Microarchitecture) -> bool {
             t.timing.tile.side_px,
             t.timing.queue,
             t.timing.raster.lanes,
+            t.bin.map(|bin| bin.words),
         )
     };
     order(one) == order(other)
@@ -95,7 +96,7 @@ fn batches(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<V
 
 /// Replays a batch of at most eight machines.
 fn replay_batch(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Cycles> {
-    let lists = work.bins(timings[0].timing.tile.side_px as usize);
+    let lists = Lists::new(timings[0], work);
     let held = FinalPixels::new(work);
     let mut machines: Vec<BatchedMachine> = Vec::new();
     for t in timings {
@@ -145,7 +146,7 @@ struct BatchedMachine<'a> {
 struct BatchedTiles<'m, 'a> {
     machines: &'m mut [BatchedMachine<'a>],
     work: &'a Work,
-    lists: &'a Bins,
+    lists: &'a Lists,
 }
 
 impl Kernel for BatchedTiles<'_, '_> {
@@ -187,7 +188,9 @@ impl Kernel for BatchedTiles<'_, '_> {
             );
             let corner = tiles[0].corner.map(|at| at as u16);
             work.look_up(lists.of(place), &mut footprints);
-            for footprint in &footprints {
+            let mut boxed = 0;
+            for (footprint, entry) in footprints.iter().zip(lists.of(place)) {
+                boxed = lists.skip(&mut walk, work, (place, corner), boxed, *entry);
                 let (mut from, mut here) = ([0; LANES], [0; LANES]);
                 for (
                     nth,

@@ -12,7 +12,7 @@
 use super::super::transfers::{NONE, RecordSource};
 use rtl_model::machine::timing::Organisation;
 use rtl_model::pipeline::Elaborated;
-use rtl_model::timing::UnitCycles;
+use rtl_model::timing::{Lists, UnitCycles};
 use rtl_model::work::{CullReason, Event, Footprint, Reader, TILE_PX, Work};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -215,7 +215,7 @@ impl<'a> FrameWalk<'a> {
         let (machine, work) = (self.machine, self.work);
         let t = &machine.timing.timing;
         let side = t.tile.side_px;
-        let lists = work.bins(side as usize);
+        let lists = Lists::new(&machine.timing, work);
         let by_tiles = if t.tile.buffers == 2 {
             "resolve-shade"
         } else {
@@ -228,8 +228,14 @@ impl<'a> FrameWalk<'a> {
         }
         for tile in 0..lists.tiles() {
             let corner = [tile % lists.columns, tile / lists.columns].map(|at| at as u32 * side);
-            for entry in lists.of(tile) {
+            let mut listed = lists.of(tile).iter().peekable();
+            for entry in lists.boxes().of(tile) {
                 let footprint = &work.footprints[*entry as usize];
+                if listed.next_if_eq(&entry).is_none() {
+                    // It has no pixel here.
+                    self.stamps(footprint, corner, side);
+                    continue;
+                }
                 self.take_splat("list", footprint.splat);
                 self.footprint(footprint, corner, side, false);
             }
