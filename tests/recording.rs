@@ -208,7 +208,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_test_of_tiles() {
             &[
                 &["replay", &with_words],
                 &set[..],
-                &["--out", &replayed, "--what-if", "--quiet"],
+                &["--out", &replayed, "--quiet"],
             ]
             .concat(),
         );
