@@ -159,9 +159,11 @@ pub(super) const DIFF: &str = "FILE has one record per line in hexadecimal, as D
     Exit status: 0 if all records are equal, 1 if not, 2 if a file is malformed.";
 
 pub(super) const UNIT: &str = "Units: project, ellipse, colour (of harmonics), sort (of Gaussians), raster,\n\
-    gauss, fragment, shade, resolve. Records come from standard input, one per line, as in a trace: the\n\
-    output for gauss.in.hex is gauss.out.hex. An empty line, and the end of the\n\
-    input, end a frame: then sort prints, and fragment writes what its pixels hold.\n\
+    gauss, fragment, shade, resolve. Records come from standard input, one per line,\n\
+    as in a trace: the output for gauss.in.hex is gauss.out.hex. An empty line, and\n\
+    the end of the input, end a frame: then sort prints, and fragment writes what its\n\
+    pixels hold.\n\
+    Exit status 2 if a record is malformed, with its line and field.";: then sort prints, and fragment writes what its pixels hold.\n\
     Exit status 2 if a record is malformed, with its line and field.";
 
 pub(super) const MACHINE: &str = "SystemVerilog and C headers of a machine are written by `trace`.";

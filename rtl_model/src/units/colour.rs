@@ -26,11 +26,9 @@
 use crate::elaboration::Elaboration;
 use crate::elaboration::latency::Path;
 use crate::functions::{ReciprocalRoot, square_root};
-use crate::graph::real::{Bounded, Given};
 use crate::graph::{Asked, Builder, Graph, Power, Program, Wire};
 use crate::machine::{self, Machine};
 use crate::num::{Exact, three};
-use crate::real::Real;
 use crate::records::unit;
 
 const UNIT: &str = unit::COLOUR;
@@ -285,32 +283,9 @@ impl Colour {
     pub const fn input(coefficient: usize, channel: usize) -> usize {
         BEFORE + 3 * coefficient + channel
     }
-
-    /// The colour over the reals. Coefficients beyond those given are 0.
-    pub fn real<R: Real>(
-        &self,
-        position: [R; 3],
-        eye: [R; 3],
-        coefficients: impl IntoIterator<Item = [R; 3]>,
-    ) -> [R; 3] {
-        let zero = position[0].constant_like(0.0);
-        let inputs: Vec<Bounded<R>> = position
-            .into_iter()
-            .chain(eye)
-            .chain(coefficients.into_iter().flatten())
-            .chain(std::iter::repeat(zero))
-            .take(Colour::input(self.coefficients, 0))
-            .map(Bounded::of)
-            .collect();
-        let given = Given {
-            inputs: &inputs,
-            turned: None,
-        };
-        self.graph
-            .bounded(&self.asked, &given, |_, x| x)
-            .map(|channel| channel.value)
-    }
 }
+
+pub mod real;
 
 #[cfg(test)]
 mod tests;
