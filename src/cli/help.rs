@@ -161,9 +161,8 @@ pub(super) const DIFF: &str = "FILE has one record per line in hexadecimal, as D
 pub(super) const UNIT: &str = "Units: project, ellipse, colour (of harmonics), sort (of Gaussians), raster,\n\
     gauss, fragment, shade, resolve. Records come from standard input, one per line,\n\
     as in a trace: the output for gauss.in.hex is gauss.out.hex. An empty line, and\n\
-    the end of the input, end a frame: then sort prints, and fragment writes what its\n\
-    pixels hold.\n\
-    Exit status 2 if a record is malformed, with its line and field.";: then sort prints, and fragment writes what its pixels hold.\n\
+    the end of the input, end a frame: then sort prints, and fragment writes what\n\
+    its pixels hold.\n\
     Exit status 2 if a record is malformed, with its line and field.";
 
 pub(super) const MACHINE: &str = "SystemVerilog and C headers of a machine are written by `trace`.";
