@@ -442,6 +442,14 @@ impl<'e> Builder<'e> {
         })
     }
 
+    /// Vector from `from` to `to`, normalised by its largest part, in the word called `relative`.
+    pub fn relative(&mut self, word: Word, to: [Wire; 3], from: [Wire; 3]) -> [Wire; 3] {
+        let difference = [0, 1, 2].map(|axis| self.minus(to[axis], from[axis]));
+        let largest = self.largest(difference);
+        let normalised = self.normalised(largest, difference, 0);
+        normalised.map(|part| self.fit("relative", word, part))
+    }
+
     /// All bits of three magnitudes, and at least a last place.
     pub fn largest(&mut self, parts: [Wire; 3]) -> Wire {
         let node = self.alike(Operator::Largest(parts), parts[0]);

@@ -598,11 +598,10 @@ fn load_harmonics(frame: &Frame, colour: &Colour, batch: &Batch, splats: &[Splat
     let Some(ellipsoids) = &frame.ellipsoids else {
         return;
     };
-    let (program, each) = (
+    let (program, stride) = (
         colour.program(),
-        coefficients(u32::from(ellipsoids.harmonics)).min(colour.coefficients()),
+        coefficients(u32::from(ellipsoids.harmonics)),
     );
-    let stride = coefficients(u32::from(ellipsoids.harmonics));
     for (row, given) in splats.chunks(LANES).enumerate() {
         for axis in 0..3 {
             let mut words = [0; LANES];
@@ -613,7 +612,7 @@ fn load_harmonics(frame: &Frame, colour: &Colour, batch: &Batch, splats: &[Splat
         }
         let at = stride * (first as usize + row * LANES);
         let own = ellipsoids.coefficients.get(at..).unwrap_or_default();
-        for coefficient in 0..each {
+        for coefficient in 0..stride.min(colour.coefficients()) {
             for channel in 0..3 {
                 let mut words = [0; LANES];
                 for (word, own) in words.iter_mut().zip(own.chunks(stride)).take(given.len()) {

@@ -187,10 +187,7 @@ fn coloured(g: &mut Builder, machine: &Machine, words: &machine::Colour) -> [Wir
         .map(|_| three!(_channel => g.input(words.coefficient)))
         .collect();
 
-    let difference = three!(axis => g.minus(position[axis], eye[axis]));
-    let largest = g.largest(difference);
-    let normalised = g.normalised(largest, difference, 0);
-    let relative = three!(axis => g.fit("relative", words.relative, normalised[axis]));
+    let relative = g.relative(words.relative, position, eye);
     let squared = g.dot(relative, relative);
     let squared = g.known_natural(squared);
     let positive = g.at_least_an_ulp(squared);

@@ -96,10 +96,7 @@ fn projected(g: &mut Builder, machine: &Machine) -> ([Wire; OUTPUTS], [Wire; BOU
     let focal = two!(_i => g.input(m.focal));
     let centre = two!(_i => g.input(m.pixel));
 
-    let difference = three!(axis => g.minus(position[axis], eye[axis]));
-    let largest = g.largest(difference);
-    let normalised = g.normalised(largest, difference, 0);
-    let relative = three!(axis => g.fit("relative", m.relative, normalised[axis]));
+    let relative = g.relative(m.relative, position, eye);
     let camera = three!(row => {
         let turned = g.dot(rotation[row], relative);
         g.fit("camera", m.camera, turned)
