@@ -1504,11 +1504,6 @@ impl<'a> Gathered<'a> {
                 count,
                 degree,
             }) => {
-                if *degree > 3 {
-                    return Err(
-                        self.input_error(format!("{path}.degree is {degree}: 0 to 3 are possible"))
-                    );
-                }
                 let make = match gaussians {
                     BuiltinGaussians::Bouquet => gaussians::bouquet,
                     BuiltinGaussians::City => gaussians::city,
@@ -2097,10 +2092,13 @@ impl Source {
             "splats"
         };
         // If one splat has an orientation, all have one.
-        let bytes_each = if self.is_medium() {
-            memory::GAUSSIAN_BYTES
-        } else {
-            memory::DISC_BYTES
+        let bytes_each = match self {
+            // Coefficients of the scene, and their words.
+            Source::Gaussians(source) => {
+                memory::GAUSSIAN_BYTES + 2 * memory::harmonics_bytes(source.degree)
+            }
+            _ if self.is_medium() => memory::GAUSSIAN_BYTES,
+            _ => memory::DISC_BYTES,
         };
         memory::check(self.promised(), what, bytes_each)
             .map_err(|sentence| format!("splats: {sentence}"))

@@ -15,6 +15,15 @@ pub(super) const NODE_BYTES: u64 = 1_100;
 /// Bytes per Gaussian with an orientation and harmonics of degree 0 (`bouquet`).
 pub(super) const GAUSSIAN_BYTES: u64 = 1_660;
 
+/// Bytes of a splat's coefficients of harmonics, or of their words; none where it has a colour.
+pub(super) fn harmonics_bytes(degree: u8) -> u64 {
+    if degree == 0 {
+        return 0;
+    }
+    let each = std::mem::size_of::<[f32; 3]>() as u64;
+    each * (u64::from(degree) + 1).pow(2)
+}
+
 /// Bytes of a `run` per pixel: pictures, error measures and the frame's words. Files are encoded
 /// from copies.
 const PIXEL_BYTES: u64 = 220;
@@ -27,7 +36,12 @@ pub(crate) fn of_frame(scene: &Scene) -> u64 {
     } else {
         DISC_BYTES
     };
-    let rest = splat_bytes - std::mem::size_of::<Splat>() as u64;
+    let harmonics = scene
+        .ellipsoids
+        .as_ref()
+        .and_then(|ellipsoids| ellipsoids.harmonics.as_ref())
+        .map_or(0, |harmonics| harmonics_bytes(harmonics.degree));
+    let rest = splat_bytes + harmonics - std::mem::size_of::<Splat>() as u64;
     pixels
         .saturating_mul(PIXEL_BYTES)
         .saturating_add(rest.saturating_mul(scene.splats.len() as u64))
@@ -80,6 +94,25 @@ mod tests {
         assert_eq!(
             check_against(8_000_000_000, 67_108_864, "Gaussians", GAUSSIAN_BYTES).unwrap_err(),
             "67,108,864 Gaussians would take about 111.4 GB of memory, and 8.0 GB are free"
+        );
+    }
+
+    #[test]
+    fn coefficients_of_harmonics_are_counted() {
+        let bytes = |degree: u8| {
+            let text = format!(
+                r#"{{"splats": {{"gaussians": "city", "count": 10, "degree": {degree}}}}}"#
+            );
+            let folder = std::path::Path::new("");
+            let overrides = crate::scene::Overrides {
+                size: Some((16, 16)),
+            };
+            of_frame(&Scene::from_text(&text, "s.json", folder, &overrides, 0).unwrap())
+        };
+        // 4, 9 and 16 of three words of four bytes.
+        assert_eq!(
+            [1, 2, 3].map(|degree| bytes(degree) - bytes(0)),
+            [480, 1080, 1920]
         );
     }
 }
