@@ -73,7 +73,7 @@ fn code(text: &str) -> String {
 ///   whole part of a concatenation: Icarus makes one bit of it.
 /// - A function or task with static variables: it is an error if two processes call it (IEEE
 ///   1800-2017, 9.2.2.4), which slang reports.
-fn read_differently(text: &str) -> Vec<String> {
+pub fn read_differently(text: &str) -> Vec<String> {
     let code = code(text);
     let mut found = Vec::new();
     let mut say = |at: usize, what: &str| {
@@ -425,7 +425,7 @@ fn lists_of_files_have_every_module_after_its_parts() {
 }
 
 /// slang's messages for files with these arguments; none if there are none.
-fn fault_in_slang(python: &Path, arguments: &[String]) -> Option<String> {
+pub fn fault_in_slang(python: &Path, arguments: &[String]) -> Option<String> {
     let script = Path::new(ROOT).join("tests/programs/elaborate.py");
     let output = Command::new(python)
         .arg(script)
@@ -606,7 +606,7 @@ fn every_top_and_every_bench_elaborates_in_slang() {
 }
 
 /// The Python that has slang.
-fn slang() -> Option<PathBuf> {
+pub fn slang() -> Option<PathBuf> {
     of_pypi("python")
 }
 

@@ -3,6 +3,7 @@
 
 mod cosimulation;
 mod front_ends;
+mod generated;
 mod netlists;
 mod tier;
 mod traced;
@@ -476,14 +477,13 @@ fn wrong_mirrors_are_found_out() {
     }
 }
 
-/// A unit with one string of a file replaced gives other records than those of a trace.
-fn is_found_out(trace: &Traced, unit: Unit, (file, find, put): (&str, &str, &str)) {
-    let folder = tempfile::tempdir().unwrap();
+/// Copies the RTL implementations and the bench.
+fn copied(folder: &Path) {
     for entry in rtl_files() {
-        std::fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
+        std::fs::copy(&entry, folder.join(entry.file_name().unwrap())).unwrap();
     }
     // Other files that the bench needs are in the same folder.
-    let bench = folder.path().join("bench");
+    let bench = folder.join("bench");
     std::fs::create_dir(&bench).unwrap();
     for entry in std::fs::read_dir(sources().join("bench"))
         .unwrap()
@@ -491,6 +491,12 @@ fn is_found_out(trace: &Traced, unit: Unit, (file, find, put): (&str, &str, &str
     {
         std::fs::copy(&entry, bench.join(entry.file_name().unwrap())).unwrap();
     }
+}
+
+/// A unit with one string of a file replaced gives other records than those of a trace.
+fn is_found_out(trace: &Traced, unit: Unit, (file, find, put): (&str, &str, &str)) {
+    let folder = tempfile::tempdir().unwrap();
+    copied(folder.path());
     let text = std::fs::read_to_string(folder.path().join(file)).unwrap();
     assert_eq!(text.matches(find).count(), 1, "{file}: {find}");
     std::fs::write(folder.path().join(file), text.replace(find, put)).unwrap();

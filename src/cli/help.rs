@@ -165,7 +165,8 @@ pub(super) const UNIT: &str = "Units: project, ellipse, colour (of harmonics), s
     its pixels hold.\n\
     Exit status 2 if a record is malformed, with its line and field.";
 
-pub(super) const MACHINE: &str = "SystemVerilog and C headers of a machine are written by `trace`.";
+pub(super) const MACHINE: &str =
+    "Records of a frame, with SystemVerilog and C headers, are written by `trace`.";
 
 pub(super) const SHOW: &str = "Optional fields at their default are left out, such as timing.engines;\n\
     `machine schema` describes all fields.";
@@ -173,6 +174,11 @@ pub(super) const SHOW: &str = "Optional fields at their default are left out, su
 pub(super) const TIMING: &str = "Latencies and intervals that the machine file leaves out are derived. The clock\n\
     is not printed, and memory only if it has a preset: `machine show` prints\n\
     timing.clock_hz and timing.memory.";
+
+pub(super) const RTL: &str = "Units whose arithmetic is a graph: project, ellipse or ellipsoid, colour, gauss.\n\
+    Words, tables and kind of splats are fixed; ports are those of the units in\n\
+    rtl_model/rtl, which are written by hand for all machines.\n\
+    Compile machine_pkg.sv first; the simulator runs in DIR, or ROMS is DIR/rom/.";
 
 pub(super) const COST: &str = "area: LUT equivalents, and share; gates: NAND2 equivalents; 18×18: multiplier\n\
     blocks of 18 × 18 bits; adders: bits of adders, comparators, rounding; choices:\n\

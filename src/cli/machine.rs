@@ -4,15 +4,17 @@
 use super::arguments::{pretty, readable};
 use super::help;
 use crate::accuracy::proofs;
+use crate::cosim::trace::rtl;
 use crate::error::Result;
 use crate::hardware::machines::File;
 use crate::hardware::{fixed, machines};
 use crate::output::files::Folder;
-use crate::output::text::{aligned, plain_table};
+use crate::output::text::{aligned, one_line, plain_table};
 use crate::performance::clock;
 use crate::performance::cost;
 use crate::performance::cost::{Cost, Prices};
 use crate::run::report::MachineReport;
+use crate::scene::{Overrides, Scene};
 use clap::{Args, Subcommand};
 use comfy_table::CellAlignment;
 use rtl_model::Machine;
@@ -48,6 +50,18 @@ pub(super) enum MachineCommand {
         #[command(flatten)]
         which: MachineArgs,
         /// Write the proofs into DIR
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
+    /// Write units of a machine as SystemVerilog
+    #[command(after_help = help::RTL)]
+    Rtl {
+        #[command(flatten)]
+        which: MachineArgs,
+        /// Write units for splats as in this scene [default: by the machine]
+        #[arg(long, value_name = "SCENE")]
+        scene: Option<OsString>,
+        /// Write the files into DIR
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
@@ -96,6 +110,18 @@ impl MachineCommand {
             }
             MachineCommand::Prices => pretty(&cost::DEFAULT),
             MachineCommand::Prove { which, out } => prove(&which.load()?, &out),
+            MachineCommand::Rtl { which, scene, out } => {
+                let machine = which.load()?;
+                let scene = match scene {
+                    Some(scene) => Scene::load(scene, &Overrides::default())?,
+                    None => rtl::usual_scene(&machine)?,
+                };
+                let table = rtl::write(&scene, &machine, &out)?;
+                Ok(format!(
+                    "{table}\n\nwritten to {}",
+                    one_line(&out.to_string_lossy())
+                ))
+            }
             MachineCommand::Schema => pretty(&readable(machines::schema())),
         }
     }

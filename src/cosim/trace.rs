@@ -23,6 +23,7 @@ mod headers;
 mod observer;
 mod record;
 mod roms;
+pub mod rtl;
 mod stimulus;
 mod transfers;
 mod waves;

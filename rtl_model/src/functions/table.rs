@@ -130,6 +130,21 @@ impl Table {
     pub fn fit(&self) -> &Fit {
         &self.fit
     }
+
+    /// Bits of an address.
+    pub fn index_bits(&self) -> u32 {
+        self.words.len().ilog2()
+    }
+
+    /// Bits of an argument below the address.
+    pub fn below(&self) -> u32 {
+        self.fraction_bits
+    }
+
+    /// Whether it interpolates.
+    pub fn is_linear(&self) -> bool {
+        self.interpolation == Interpolation::Linear
+    }
 }
 
 /// A [`Table`] in words of 31 bits: see [`Table::natural`].

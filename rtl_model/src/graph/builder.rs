@@ -395,9 +395,10 @@ impl<'e> Builder<'e> {
         )
     }
 
-    /// A word of a table, which the fit of the table makes.
-    pub fn look_up(&mut self, table: Table, argument: Wire) -> Wire {
+    /// A word of the table called `name`, which the fit of the table makes.
+    pub fn look_up(&mut self, name: &str, table: Table, argument: Wire) -> Wire {
         let word = table.fit().word;
+        self.functions.roms[2].push(format!("{}.{name}", self.unit));
         self.functions.tables.push(table);
         self.node(
             Operator::Lookup(argument, self.functions.tables.len() - 1),
@@ -462,6 +463,7 @@ impl<'e> Builder<'e> {
     pub fn reciprocal(&mut self, name: &str, config: FunctionUnit, x: Wire) -> Wire {
         let node = self.of(x);
         self.e.normaliser(self.unit, node.bits());
+        self.functions.roms[0].push(format!("{}.{name}", self.unit));
         self.functions.reciprocals.push(Reciprocal::new(
             self.e,
             self.unit,
@@ -487,6 +489,7 @@ impl<'e> Builder<'e> {
     ) -> Wire {
         let node = self.of(x);
         self.e.normaliser(self.unit, node.bits());
+        self.functions.roms[1].push(format!("{}.{name}", self.unit));
         self.functions.roots.push(ReciprocalRoot::new(
             self.e,
             self.unit,

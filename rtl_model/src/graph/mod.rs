@@ -5,7 +5,8 @@
 //! a unit's function ─► Builder ─┬─► parts, signals, misfits          as it is built
 //!                               └─► Graph ─┬─► one item at a time    mod.rs: what every operator means
 //!                                          ├─► a batch of items      compile.rs, run.rs: the same, in the narrowest words
-//!                                          └─► bounds                real.rs
+//!                                          ├─► bounds                real.rs
+//!                                          └─► SystemVerilog         verilog.rs
 //! ```
 //! A wire has a shape, how far it reaches above and below the binary point, and may be relative to
 //! a [`Power`] of two that the data decides on. Sums and products grow; [`Builder::fit`] and
@@ -19,6 +20,7 @@ mod compile;
 mod power;
 pub mod real;
 mod run;
+pub mod verilog;
 
 pub use builder::Builder;
 pub use power::Power;
@@ -176,6 +178,8 @@ struct Functions {
     tables: Vec<Table>,
     reciprocals: Vec<Reciprocal>,
     roots: Vec<ReciprocalRoot>,
+    /// Paths of their ROMs, such as `gauss.table`: of reciprocals, roots and tables.
+    roms: [Vec<String>; 3],
 }
 
 /// A unit's arithmetic.
@@ -222,6 +226,7 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             tables,
             reciprocals,
             roots,
+            ..
         } = &self.functions;
         for (place, node) in self.nodes.iter().enumerate() {
             let of = |wire: Wire| results[wire.place()];

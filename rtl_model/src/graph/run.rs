@@ -437,6 +437,7 @@ impl<P: Probe> Run<'_, '_, P> {
             tables,
             reciprocals,
             roots,
+            ..
         } = &self.program.functions;
         let rows = self.live.len().min(ROWS);
         let mut live = [0; ROWS];

@@ -18,6 +18,7 @@ mod merges;
 pub mod ports;
 mod reach;
 pub mod real;
+pub mod rtl;
 mod set_up;
 mod shading;
 pub mod unit_replay;

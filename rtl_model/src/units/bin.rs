@@ -246,7 +246,8 @@ impl BinWords {
         self.splat_in(&mut Elaboration::default())
     }
 
-    fn splat_in(&self, e: &mut Elaboration) -> Graph<SPLAT_OUTPUTS> {
+    /// The same, with its signals.
+    pub fn splat_in(&self, e: &mut Elaboration) -> Graph<SPLAT_OUTPUTS> {
         let g = &mut Builder::new(e, UNIT);
         let pixel = two!(_i => g.input(self.pixel));
         let (xx, xy, yy) = (
@@ -392,7 +393,8 @@ impl BinWords {
         self.tile_in(&mut Elaboration::default())
     }
 
-    fn tile_in(&self, e: &mut Elaboration) -> Graph<1> {
+    /// The same, with its signals.
+    pub fn tile_in(&self, e: &mut Elaboration) -> Graph<1> {
         let g = &mut Builder::new(e, UNIT);
         let (xx, xy, yy) = (
             g.input(self.conic),

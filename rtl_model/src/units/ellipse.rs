@@ -124,7 +124,6 @@ const BOUNDS: usize = 15;
 /// Kind of splat that the unit sets up. Each variant has its own graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Variant {
-    /// Where pixels are not square, on a machine that has the words for it.
     /// Pixels are not square, and the machine has the words for that.
     has_aspect: bool,
     /// `None` for discs.
@@ -132,6 +131,16 @@ pub struct Variant {
 }
 
 impl Variant {
+    /// Whether pixels are not square, and the machine has the words for that.
+    pub fn has_aspect(self) -> bool {
+        self.has_aspect
+    }
+
+    /// `None` for discs.
+    pub fn ellipsoid(self) -> Option<ellipsoid::Variant> {
+        self.ellipsoid
+    }
+
     /// Inputs of each splat, before the registers.
     pub fn inputs(self) -> usize {
         match self.ellipsoid {

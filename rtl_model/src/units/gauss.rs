@@ -46,7 +46,7 @@ fn weight(
     radial_index: Wire,
     amplitude: Wire,
 ) -> Wire {
-    let falloff = g.look_up(table, radial_index);
+    let falloff = g.look_up("table", table, radial_index);
     let product = g.times(amplitude, falloff);
     g.fit("weight", machine.gauss.weight, product)
 }

@@ -131,6 +131,11 @@ impl Resolve {
         }
     }
 
+    /// The step of a layer, and the frame word.
+    pub fn graphs(&self) -> [&Graph<4>; 2] {
+        [&self.layer, &self.frame]
+    }
+
     /// Programs for batches: the step of a layer, and the frame word. The first four inputs of both
     /// are the state of a pixel, which starts as [`Resolve::clear`]. The results of the first
     /// program are the next state.
