@@ -4,7 +4,8 @@
 //! operators in series ─┬─► cycles, if each operator has its own registers
 //!                      └─► delay, FO4 ─►( ÷ clock period less register )─► least cycles
 //! ```
-//! A unit declares its critical path once, with the widths of its operators. Delays are in tenths
+//! The path of a graph is the longest one through it; other units declare theirs, with the widths
+//! of its operators. Delays are in tenths
 //! of FO4, the delay of a fanout-of-4 inverter, so that they apply to any technology. They are
 //! rounded from the delays of open 180 nm standard cells, mapped by Yosys and ABC
 //! (`sh tests/programs/delays.sh`, docs/book/clock-cells.md).
@@ -105,6 +106,16 @@ impl Path {
     /// Compares and selects one of two words, within the cycles of the operator before it.
     pub fn limit(self, bits: i32) -> Path {
         self.step(0, adder(bits)).choose(2)
+    }
+
+    /// Compares two words, within the cycles of the operator before it.
+    pub fn compare(self, bits: i32) -> Path {
+        self.step(0, adder(bits))
+    }
+
+    /// Counts the places before the leading one.
+    pub fn count(self, bits: i32) -> Path {
+        self.step(NORMALISE, adder(bits))
     }
 
     /// Reads or writes a memory.

@@ -375,7 +375,7 @@ pub struct SortShape {
 }
 
 /// Critical path of each unit, from an item to its result.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Paths {
     /// From a splat.
     pub project: Path,
@@ -401,7 +401,7 @@ pub struct Paths {
 }
 
 /// Cost of colours with harmonics of one degree.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Harmonics {
     /// From a splat to its colour.
     pub path: Path,

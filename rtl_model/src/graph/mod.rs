@@ -17,6 +17,7 @@
 
 mod builder;
 mod compile;
+mod delay;
 mod power;
 pub mod real;
 mod run;

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::elaboration::Elaboration;
+use crate::elaboration::latency::Path;
 use crate::kernels::host::{Host, Unvectorised, Vectorised};
 use crate::machine::FunctionUnit;
 use crate::num::{Format, LANES, Overflow, Rounding, Word};
@@ -200,4 +201,37 @@ proptest! {
             prop_assert_eq!(&run(host, &graph, &items, &mut NoProbe), &expected);
         }
     }
+}
+
+#[test]
+fn the_longest_path_is_that_of_the_slowest_operand() {
+    let word = |bits| Word::new(Format::signed(bits, 4));
+    let e = &mut Elaboration::default();
+    let g = &mut Builder::new(e, "unit");
+    let [a, b, c] = [word(12), word(9), word(30)].map(|word| g.input(word));
+    // A product and a fit beside a sum; then what reads both; and a result that is ready early.
+    let product = g.times(a, b);
+    let slow = g.fit("slow", word(16), product);
+    let quick = g.plus(a, b);
+    let sum = g.plus(slow, quick);
+    let fitted = g.fit("fitted", word(20), sum);
+    let early = g.fit("early", word(30), c);
+    let condition = g.is_none(slow);
+    let guarded = g.guarded(c, condition, 0);
+    let graph = g.build([fitted, early, guarded]);
+    let bits = |int: i32| word(int).format.width();
+    let start = Path::default();
+    let product = start.product(bits(12), bits(9)).fit(bits(16));
+    let sum_bits = graph.nodes[sum.place()].bits();
+    assert!(start.sum(bits(13)).delay < product.delay);
+    assert_eq!(
+        graph.paths(),
+        [
+            product.sum(sum_bits).fit(bits(20)),
+            start.fit(bits(30)),
+            // The host alone waits for the condition.
+            start,
+        ]
+    );
+    assert_eq!(graph.path(), product.sum(sum_bits).fit(bits(20)));
 }

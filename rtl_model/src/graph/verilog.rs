@@ -153,7 +153,10 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             .for_each(|wire| needed[wire.place()] = true);
         for (place, node) in self.nodes.iter().enumerate().rev() {
             if needed[place] {
-                node.operator.reads(|wire| needed[wire.place()] = true);
+                match node.operator {
+                    Operator::Guarded(from, ..) => needed[from.place()] = true,
+                    operator => operator.reads(|wire| needed[wire.place()] = true),
+                }
             }
         }
         needed
@@ -332,11 +335,8 @@ impl Writer<'_> {
             Operator::Scaled(from, _) => self.of(from),
             Operator::Lesser(pair) => self.choice(name, pair, '<'),
             Operator::Greater(pair) => self.choice(name, pair, '>'),
-            Operator::Guarded(from, condition, instead) => {
-                let ((x, bits), is) = (self.value(from), self.condition(condition));
-                let value = format!("{is} ? {} : {x}", literal(instead, bits));
-                self.word(name, bits, &value)
-            }
+            // Only the host goes on with an item that is dropped.
+            Operator::Guarded(from, ..) => self.of(from),
             Operator::Lookup(argument, table) => self.lookup(place, argument, table),
             Operator::Fit(from, fit) => self.fit(place, from, None, &fit),
             Operator::FitShifted(from, more, fit) => self.fit(place, from, Some(more), &fit),

@@ -4,6 +4,7 @@
 //! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
 
 use super::discs::Discs;
+use crate::elaboration::latency::Path;
 use crate::elaboration::microarchitecture::{
     BinShape, BinWords, Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS,
 };
@@ -129,30 +130,50 @@ impl Machine {
         let disc = &ellipse
             .datapath(ellipse.variant(self.ellipse.aspect.is_some(), None))
             .graph;
+        let discs = Discs::new(
+            self,
+            &e.signals,
+            project.graph(),
+            disc,
+            ellipse.inverse_two_pi(),
+        );
+        let sort = self.elaborate_sort(e);
+        let raster = raster::Raster::new(e, self);
+        let gauss = e.per_lane(|e| gauss::Gauss::new(e, self));
+        let fragment = fragment::Fragment::new(e, self, raster::Raster::depth_exact(self));
+        // Of windows a second one lights splats in setup, of two tile buffers one what a tile
+        // holds in the end.
+        let shade = e.copies(self.shade_units(), |e| shade::Shade::new(e, self));
+        let resolve = resolve::Resolve::new(e, self);
+        let emission = self.elaborate_emission(e);
+        let bin = self.elaborate_bin(e);
+        let paths = Paths {
+            project: project.graph().path(),
+            // Words that do not fit have been refused by now.
+            ellipse: if e.errors.is_empty() {
+                ellipse.path()
+            } else {
+                disc.path()
+            },
+            gauss: gauss.graph().path(),
+            // A step per layer.
+            resolve: resolve.layer_path().times(self.fragment.layers),
+            ..self.paths(resolve.layer_path())
+        };
+        let timing = self.elaborate_timing(e, &paths, bin);
         let elaborated = Elaborated {
-            discs: Discs::new(
-                self,
-                &e.signals,
-                project.graph(),
-                disc,
-                ellipse.inverse_two_pi(),
-            ),
+            discs,
             project,
             ellipse,
             colour,
-            sort: self.elaborate_sort(e),
-            raster: raster::Raster::new(e, self),
-            gauss: e.per_lane(|e| gauss::Gauss::new(e, self)),
-            fragment: fragment::Fragment::new(e, self, raster::Raster::depth_exact(self)),
-            // Of windows a second one lights splats in setup, of two tile buffers one what a tile
-            // holds in the end.
-            shade: e.copies(self.shade_units(), |e| shade::Shade::new(e, self)),
-            resolve: resolve::Resolve::new(e, self),
-            emission: self.elaborate_emission(e),
-            timing: {
-                let bin = self.elaborate_bin(e);
-                self.elaborate_timing(e, &self.paths(), bin)
-            },
+            sort,
+            raster,
+            gauss,
+            fragment,
+            shade,
+            resolve,
+            emission,
+            timing,
             machine: self.clone(),
             signals: std::mem::take(&mut e.signals),
             parts: std::mem::take(&mut e.parts),
@@ -232,11 +253,9 @@ impl Machine {
         }
     }
 
-    /// Longest way through each unit.
-    fn paths(&self) -> Paths {
+    /// Longest path through the units that are not graphs, and through `colour` by degree.
+    fn paths(&self, layer: Path) -> Paths {
         Paths {
-            project: project::path(self),
-            ellipse: ellipse::path(self),
             colour: [1, 2, 3].map(|degree| {
                 let words = &self.colour.unwrap_or_default();
                 Harmonics {
@@ -246,16 +265,15 @@ impl Machine {
                 }
             }),
             raster: raster::path(self),
-            gauss: gauss::path(self),
             fragment: fragment::path(self),
             over: fragment::over(self),
             shade: shade::path(self),
-            resolve: resolve::path(self),
             one_cycle: [
                 ("a stamp", unit::RASTER, raster::stamp(self)),
                 ("a stamp", unit::FRAGMENT, fragment::stamp(self)),
-                ("a layer", unit::RESOLVE, resolve::layer(self)),
+                ("a layer", unit::RESOLVE, layer),
             ],
+            ..Paths::default()
         }
     }
 }

@@ -169,34 +169,7 @@ impl BinWords {
 
     /// Critical path: from a splat to its first entry.
     pub fn path(&self) -> Path {
-        let bits = |word: Word| word.format.width();
-        let (offset, gradient, conic) = (
-            bits(self.offset),
-            bits(self.gradient),
-            bits(self.conic).max(bits(self.conic_cross)),
-        );
-        let slope = |path: Path| {
-            path.product(conic, offset)
-                .sum(conic + offset)
-                .fit(gradient)
-        };
-        let square = |path: Path| {
-            path.product(offset, gradient)
-                .sum(offset + gradient)
-                .sum(offset + gradient)
-        };
-        let edge = Path::default()
-            .sum(bits(self.pixel))
-            .sum(bits(self.pixel))
-            .fit(offset)
-            .limit(offset);
-        let limit = edge
-            .sum(offset)
-            .sum(self.threshold().width())
-            .product(self.threshold().width(), conic)
-            .fit(self.limit().width());
-        let splat = square(slope(edge)).parallel(limit);
-        square(slope(splat.sum(PIXEL_BITS).sum(offset).fit(offset)))
+        self.splat().path().then(self.tile().path())
     }
 
     /// Format of the threshold: twice the cutoff's range, because the error may be as large.

@@ -25,7 +25,7 @@
 
 use crate::elaboration::Elaboration;
 use crate::elaboration::latency::Path;
-use crate::functions::{ReciprocalRoot, square_root};
+use crate::functions::ReciprocalRoot;
 use crate::graph::{Asked, Builder, Graph, Power, Program, Wire};
 use crate::machine::{self, Machine};
 use crate::num::{Exact, three};
@@ -70,49 +70,13 @@ pub fn bits(words: &machine::Colour, degree: u32) -> i32 {
     3 * coefficients(degree) as i32 * words.coefficient.format.width()
 }
 
-/// Critical path: difference, length, inverse root, direction, monomials one after the other, the
-/// coefficients' products and a tree of their sums.
+/// Critical path with harmonics of a degree.
 pub fn path(machine: &Machine, words: &machine::Colour, degree: u32) -> Path {
-    let [coefficient, relative, direction, monomial, basis, rgb] = [
-        words.coefficient,
-        words.relative,
-        words.direction,
-        words.monomial,
-        words.basis,
-        machine.splat.rgb,
-    ]
-    .map(|word| word.format.width());
-    let difference = Exact::from(machine.splat.position)
-        .plus(machine.project.eye)
-        .bits();
-    let to_direction = Path::default()
-        .sum(difference)
-        .limit(difference)
-        .normalise(difference)
-        .fit(relative)
-        .product(relative, relative)
-        .sum_of_three(2 * relative)
-        .then(square_root::path(words.root, 2 * relative))
-        .product(relative, words.root.bits.min(64) as i32)
-        .shift(direction)
-        .fit(direction);
-    let to_monomial = to_direction
-        .product(direction, direction)
-        .fit(monomial)
-        .sum(monomial)
-        .sum(monomial);
-    let (to_basis, last) = match degree {
-        0 | 1 => (to_direction, direction),
-        2 => (to_monomial, monomial),
-        _ => (to_monomial.product(direction, monomial).fit(basis), basis),
-    };
-    let terms = (coefficients(degree) as u32 + 1)
-        .next_power_of_two()
-        .ilog2();
-    to_basis
-        .product(coefficient, last)
-        .then(Path::default().sum(coefficient + last).times(terms))
-        .fit(rgb)
+    let e = &mut Elaboration::default();
+    let g = &mut Builder::new(e, UNIT);
+    let words = machine::Colour { degree, ..*words };
+    let rgb = coloured(g, machine, &words);
+    g.build(rgb).path()
 }
 
 /// Polynomials of harmonics, except the constant one, in the order of the coefficients.

@@ -25,11 +25,11 @@
 //! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if culling of backfaces
 //! is on; *outside* where the box misses the picture.
 
-use crate::elaboration::latency::{PRODUCT, Path};
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, MAX_OPERAND_BITS, Operator, Signal};
 use crate::frame::{self, Frame, Kernel, Scaled, View};
 use crate::functions::reciprocal::NORMALISED_FRAC_BITS;
-use crate::functions::{Reciprocal, ReciprocalRoot, square_root};
+use crate::functions::{Reciprocal, ReciprocalRoot};
 use crate::graph::{Asked, Builder, Graph, Power, Program, Wire};
 use crate::machine::Machine;
 use crate::num::{Exact, Fit, Format, Rounding, Word, three, two};
@@ -39,72 +39,6 @@ use std::sync::OnceLock;
 use ellipsoid::Ellipsoids;
 
 const UNIT: &str = unit::ELLIPSE;
-
-/// Critical path: normal, tilt, shape, variance, determinant, root, inverse, conic. Visibility and
-/// amplitude, extents and slopes run in parallel with it.
-pub fn path(machine: &Machine) -> Path {
-    let (m, p) = (&machine.ellipse, &machine.project);
-    let bits = |word: Word| word.format.width();
-    let root = m.root.bits.min(64) as i32;
-    // An ellipsoid's axes come from its quaternion, and are scaled before they are squared.
-    let own = m.ellipsoid.map_or(Path::default(), |of| {
-        let quaternion = bits(of.quaternion);
-        Path::default()
-            .product(quaternion, quaternion)
-            .sum(2 * quaternion)
-            .fit(bits(machine.splat.normal))
-            .product(bits(m.tilt), bits(of.scale))
-    });
-    Path { cycles: 0, ..own }
-        .product(bits(p.rotation), bits(machine.splat.normal))
-        .sum_of_three(bits(p.rotation) + bits(machine.splat.normal))
-        .fit(bits(m.normal))
-        .product(bits(p.slope), bits(m.normal))
-        .sum_of_three(bits(p.slope) + bits(m.normal))
-        .fit(bits(m.tilt))
-        .product(bits(m.tilt), bits(m.tilt))
-        .sum(2 * bits(m.tilt))
-        .fit(bits(m.shape))
-        .parallel(size_path(machine))
-        .product(bits(m.size_squared), bits(m.shape))
-        .sum(bits(m.size_squared) + bits(m.shape))
-        .fit(bits(m.variance))
-        .sum(bits(m.variance))
-        .product(bits(m.low_pass), bits(m.variance))
-        .sum(bits(m.determinant))
-        .fit(bits(m.determinant))
-        // Delay registers while the areas are squared.
-        .wait(PRODUCT)
-        .normalise(bits(m.determinant))
-        .then(square_root::path(m.root, bits(m.determinant)))
-        .product(root, root)
-        .fit(bits(m.inverse))
-        .product(bits(m.variance), bits(m.inverse))
-        .shift(bits(m.conic))
-        .fit(bits(m.conic))
-        // Delay registers while the amplitude is multiplied.
-        .wait(PRODUCT)
-}
-
-/// Path of a size: focal length, normalise, 1/t_z, square, aspect.
-fn size_path(machine: &Machine) -> Path {
-    let (m, p) = (&machine.ellipse, &machine.project);
-    let bits = |word: Word| word.format.width();
-    let squared = Path::default()
-        .product(bits(p.focal), bits(machine.splat.radius))
-        .normalise(bits(p.focal) + bits(machine.splat.radius))
-        .fit(bits(m.scaled_radius))
-        .product(bits(m.scaled_radius), p.reciprocal.bits.min(64) as i32)
-        .shift(bits(m.size))
-        .fit(bits(m.size))
-        .product(bits(m.size), bits(m.size))
-        .fit(bits(m.size_squared));
-    m.aspect.map_or(squared, |aspect| {
-        squared
-            .product(bits(m.size_squared), bits(aspect))
-            .fit(bits(m.size_squared))
-    })
-}
 
 /// Inputs of each splat: normal, radius; from `project` the exponent, t_z, 1/t_z and its exponent,
 /// slope, pixel. Ellipsoids add opacity and cutoff of the box. Ellipsoids with their own axes add
@@ -515,6 +449,28 @@ impl Ellipse {
                 graph,
             }
         })
+    }
+
+    /// Critical path of the kind of splat that takes longest.
+    pub fn path(&self) -> Path {
+        let has_aspect = self.machine.ellipse.aspect.is_some();
+        let slowest = self.machine.ellipse.ellipsoid.map(|words| {
+            let amplitude = if words.compensation_root.is_some() {
+                frame::Amplitude::Compensated
+            } else {
+                frame::Amplitude::LineIntegral
+            };
+            ellipsoid::Variant {
+                own: true,
+                amplitude,
+            }
+        });
+        let paths = [None, slowest].map(|ellipsoid| {
+            self.datapath(self.variant(has_aspect, ellipsoid))
+                .graph
+                .path()
+        });
+        paths[0].parallel(paths[1])
     }
 
     /// Registers of a view and a picture, in the input order of a variant's graph.

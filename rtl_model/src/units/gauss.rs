@@ -10,7 +10,6 @@
 //!
 //! Law: `a_weight_never_exceeds_its_amplitude`.
 
-use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::functions::{Table, table};
 use crate::graph::{Asked, Builder, Graph, Wire};
@@ -20,23 +19,6 @@ use crate::num::Exact;
 use crate::records::unit;
 
 const UNIT: &str = unit::GAUSS;
-
-/// Critical path: table, product.
-pub fn path(machine: &Machine) -> Path {
-    let m = &machine.gauss;
-    let [index, falloff, weight, amplitude] = [
-        m.radial_index,
-        m.falloff,
-        m.weight,
-        machine.ellipse.amplitude,
-    ]
-    .map(|word| word.format.width());
-    Path::default()
-        .fit(index)
-        .then(table::path(m.table, falloff))
-        .product(amplitude, falloff)
-        .fit(weight)
-}
 
 /// A·e^(−r/2) from the table's argument.
 fn weight(

@@ -22,39 +22,14 @@
 //! Law: `a_projected_point_is_within_its_ulps`.
 
 use crate::elaboration::Elaboration;
-use crate::elaboration::latency::Path;
 use crate::frame::View;
-use crate::functions::{Reciprocal, reciprocal};
+use crate::functions::Reciprocal;
 use crate::graph::{Asked, Builder, Graph, Power, Program, Wire};
 use crate::machine::Machine;
-use crate::num::{Exact, Word, three, two};
+use crate::num::{Exact, three, two};
 use crate::records::unit;
 
 const UNIT: &str = unit::PROJECT;
-
-/// Critical path: difference, normalise, rotate, 1/t_z, quotient, pixel.
-pub fn path(machine: &Machine) -> Path {
-    let m = &machine.project;
-    let bits = |word: Word| word.format.width();
-    let difference = Exact::from(machine.splat.position).plus(m.eye).bits();
-    let reciprocal = m.reciprocal.bits.min(64) as i32;
-    Path::default()
-        .sum(difference)
-        // All three are shifted by the amount that the largest magnitude needs.
-        .limit(difference)
-        .normalise(difference)
-        .fit(bits(m.relative))
-        .product(bits(m.rotation), bits(m.relative))
-        .sum_of_three(bits(m.rotation) + bits(m.relative))
-        .fit(bits(m.camera))
-        .then(reciprocal::path(m.reciprocal, bits(m.camera)))
-        .product(bits(m.camera), reciprocal)
-        .shift(bits(m.slope))
-        .fit(bits(m.slope))
-        // The principal point is one more row of the product's adder tree.
-        .product(bits(m.focal), bits(m.slope))
-        .fit(bits(m.pixel))
-}
 
 /// Elaborated unit.
 #[derive(Clone, Debug)]

@@ -22,23 +22,6 @@ pub use crate::records::Layer;
 
 const UNIT: &str = unit::RESOLVE;
 
-/// Critical path of a layer: a product and a sum. The next layer depends on its transmittance.
-pub fn layer(machine: &Machine) -> Path {
-    let (transmittance, premultiplied) = (
-        machine.resolve.transmittance.format.width(),
-        machine.shade.premultiplied.format.width(),
-    );
-    Path::default()
-        .product(transmittance, premultiplied)
-        .sum(transmittance + premultiplied)
-        .fit(transmittance)
-}
-
-/// Critical path: a product and a sum per layer.
-pub fn path(machine: &Machine) -> Path {
-    layer(machine).times(machine.fragment.layers)
-}
-
 /// One layer's step. Inputs are the transmittance, three sums, a layer's colour and its opacity;
 /// results the transmittance behind the layer and the sums.
 fn layered(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
@@ -129,6 +112,11 @@ impl Resolve {
             frame,
             clear: m.transmittance.format.one(),
         }
+    }
+
+    /// Critical path of a layer. The next layer depends on its transmittance.
+    pub fn layer_path(&self) -> Path {
+        self.layer.path()
     }
 
     /// The step of a layer, and the frame word.
