@@ -19,6 +19,8 @@ use crate::explore::sweep::table::Table;
 use crate::hardware::{fixed, machines};
 use crate::input;
 use rtl_model::Machine;
+use rtl_model::graph::flow::Flow;
+use rtl_model::pipeline::rtl;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -315,6 +317,7 @@ impl ResultFolder {
             "name": name,
             "run": run.as_ref().map(|run| json!({
                 "report": report, "pictures": pictures, "scene": run.scene, "machine_name": run.machine_flag(), "preview_of": run.preview_of,
+                "datapaths": datapaths(&run.machine),
             })),
             "sequence": sequence,
             "cycles": cycles,
@@ -388,6 +391,18 @@ impl ResultFolder {
             .map(|name| format!("{name}.png"));
         of_run.chain(names(&self.contents["charts"])).collect()
     }
+}
+
+/// The words of each unit that is a graph, and the words that each is made from.
+fn datapaths(machine: &Machine) -> Value {
+    let Ok(elaborated) = fixed::elaborate(machine) else {
+        return json!([]);
+    };
+    let of = |(unit, words): (&str, Vec<Flow>)| {
+        let word = |word: Flow| json!({"name": word.name, "format": word.format, "wires": word.wires, "from": word.from});
+        json!({"unit": unit, "words": words.into_iter().map(word).collect::<Vec<_>>()})
+    };
+    rtl::flows(&elaborated).into_iter().map(of).collect()
 }
 
 impl DrawnRun {

@@ -224,6 +224,21 @@ def frame_is_shown(pages, folder, scene):
         assert told_of.startswith("raster") and f"{area:,.0f} LUT equivalents" in told_of and "Ranges" in told_of, told_of
         until(page, lambda: page.locator("#unit details").count() == sum(1 for signal in report["signals"] if signal["unit"] == "raster" and signal["words"]))
         until(page, lambda: page.locator("#timeline canvas").count() == 1 and page.locator("svg[aria-label=roofline]").count() == 1)
+        # A unit that is a graph shows its words; a word shows its range.
+        page.locator("#diagram [data-unit=project]").click()
+        words = page.locator("svg.datapath .word").evaluate_all("words => words.map(word => word.dataset.word)")
+        assert {"splat.position", "project.rotation", "project.camera", "project.slope", "project.pixel"} <= set(words), words
+        assert page.locator("svg.datapath path").count() >= len(words) - 1
+        camera = page.locator("svg.datapath [data-word='project.camera']")
+        said = camera.get_attribute("aria-label")
+        assert re.search(r"project.camera I2F\d+: [\d,]+ words, \d+ of \d+ bits used", said), said
+        ranges = page.locator("#unit details[data-signal='project.camera']")
+        before = ranges.evaluate("details => details.open")
+        camera.focus()
+        page.keyboard.press("Enter")
+        assert not before and ranges.evaluate("details => details.open")
+        page.locator("#diagram [data-unit=raster]").click()
+        assert page.locator("svg.datapath").count() == 0
         keep(page, "machine-light-1280")
         # Tabs by keyboard.
         page.get_by_role("tab", name="Machine").focus()

@@ -5,10 +5,9 @@
 //!                      └─► delay, FO4 ─►( ÷ clock period less register )─► least cycles
 //! ```
 //! The path of a graph is the longest one through it; other units declare theirs, with the widths
-//! of its operators. Delays are in tenths
-//! of FO4, the delay of a fanout-of-4 inverter, so that they apply to any technology. They are
-//! rounded from the delays of open 180 nm standard cells, mapped by Yosys and ABC
-//! (`sh tests/programs/delays.sh`, docs/book/clock-cells.md).
+//! of its operators. Delays are in tenths of FO4, the delay of a fanout-of-4 inverter, so that they
+//! apply to any technology. They are rounded from the delays of open 180 nm standard cells, mapped
+//! by Yosys and ABC (`sh tests/programs/delays.sh`, docs/book/clock-cells.md).
 //!
 //! Laws: `a_wider_operator_is_never_faster`, `a_faster_clock_never_takes_fewer_cycles`.
 

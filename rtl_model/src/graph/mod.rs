@@ -6,6 +6,8 @@
 //!                               └─► Graph ─┬─► one item at a time    mod.rs: what every operator means
 //!                                          ├─► a batch of items      compile.rs, run.rs: the same, in the narrowest words
 //!                                          ├─► bounds                real.rs
+//!                                          ├─► critical path         delay.rs
+//!                                          ├─► words and their ways  flow.rs
 //!                                          └─► SystemVerilog         verilog.rs
 //! ```
 //! A wire has a shape, how far it reaches above and below the binary point, and may be relative to
@@ -18,6 +20,7 @@
 mod builder;
 mod compile;
 mod delay;
+pub mod flow;
 mod power;
 pub mod real;
 mod run;

@@ -235,3 +235,50 @@ fn the_longest_path_is_that_of_the_slowest_operand() {
     );
     assert_eq!(graph.path(), product.sum(sum_bits).fit(bits(20)));
 }
+
+#[test]
+fn a_word_is_made_from_the_words_that_its_operators_read() {
+    let word = |bits| Word::new(Format::signed(bits, 4));
+    let e = &mut Elaboration::default();
+    let g = &mut Builder::new(e, "unit");
+    let [a, b, c] = [12, 9, 8].map(|bits| g.input(word(bits)));
+    let product = g.times(a, b);
+    let first = g.fit("scaled", word(10), product);
+    let square = g.times(first, first);
+    // The same word again, from itself and from another input.
+    let sum = g.plus(square, c);
+    let second = g.fit("scaled", word(10), sum);
+    let positive = g.at_least_an_ulp(second);
+    let unit = FunctionUnit {
+        table_bits: 4,
+        newton_steps: 1,
+        bits: 12,
+    };
+    let inverse = g.reciprocal("inverse", unit, positive);
+    let dropped = g.is_none(a);
+    let guarded = g.guarded(inverse, dropped, 0);
+    let result = g.fit("result", word(6), guarded);
+    let graph = g.build([result]);
+    let names = ["a", "b", "c"].map(|name| Some(name.to_owned()));
+    let flow = graph.flow(&e.signals, &names);
+    let shown: Vec<(&str, usize, Vec<&str>)> = flow
+        .iter()
+        .map(|word| {
+            let from = word.from.iter().map(String::as_str).collect();
+            (&word.name[..], word.wires, from)
+        })
+        .collect();
+    assert_eq!(
+        shown,
+        [
+            ("a", 1, vec![]),
+            ("b", 1, vec![]),
+            ("c", 1, vec![]),
+            ("unit.scaled", 2, vec!["a", "b", "c"]),
+            ("unit.inverse", 1, vec!["unit.scaled"]),
+            ("unit.result", 1, vec!["unit.inverse"]),
+        ]
+    );
+    let formats: Vec<&str> = flow.iter().map(|word| &word.format[..]).collect();
+    assert_eq!(formats[..4], ["I12F4", "I9F4", "I8F4", "I10F4"]);
+}

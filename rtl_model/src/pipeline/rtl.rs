@@ -17,8 +17,10 @@ use crate::elaboration::microarchitecture::BinWords;
 use crate::elaboration::{Elaboration, Signal};
 use crate::frame::Frame;
 use crate::graph::Graph;
+use crate::graph::flow::Flow;
 use crate::graph::verilog::{Module, Port};
 use crate::records::unit;
+use crate::units::{colour, ellipse};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -138,10 +140,9 @@ fn project(elaborated: &Elaborated, kind: Kind) -> Unit<'_, 13> {
     }
 }
 
-/// `ellipse`, of discs or ellipsoids as in the frame.
-fn ellipse<'a>(elaborated: &'a Elaborated, frame: &Frame) -> Unit<'a, 17> {
+/// `ellipse` of a kind of splat.
+fn ellipse_unit(elaborated: &Elaborated, variant: ellipse::Variant) -> Unit<'_, 17> {
     let unit = &elaborated.ellipse;
-    let variant = unit.variant_of(frame);
     let renamed = |prefix: &str, all: Vec<(String, Source)>| {
         all.into_iter()
             .map(|(name, source)| (format!("{prefix}{name}"), source))
@@ -237,7 +238,7 @@ fn ellipse<'a>(elaborated: &'a Elaborated, frame: &Frame) -> Unit<'a, 17> {
 }
 
 /// `colour`, where the machine has it and the frame has harmonics.
-fn colour(elaborated: &Elaborated, kind: Kind) -> Option<Unit<'_, 3>> {
+fn colour_unit(elaborated: &Elaborated, kind: Kind) -> Option<Unit<'_, 3>> {
     let unit = elaborated.colour.as_ref().filter(|_| kind.harmonics > 0)?;
     let mut inputs = each("position", &XYZ, record);
     inputs.extend(each("eye", &XYZ, register));
@@ -364,9 +365,12 @@ pub fn files(elaborated: &Elaborated, frame: &Frame) -> Vec<File> {
         streams: &streams,
     };
     let mut files = writer.unit(&project(elaborated, kind));
-    files.extend(writer.unit(&ellipse(elaborated, frame)));
+    files.extend(writer.unit(&ellipse_unit(
+        elaborated,
+        elaborated.ellipse.variant_of(frame),
+    )));
     files.extend(
-        colour(elaborated, kind)
+        colour_unit(elaborated, kind)
             .iter()
             .flat_map(|unit| writer.unit(unit)),
     );
@@ -379,6 +383,82 @@ pub fn files(elaborated: &Elaborated, frame: &Frame) -> Vec<File> {
         name: format!("{}.sv", datapath.name),
     }));
     files
+}
+
+/// The words of each unit that is a graph, by the unit's name, of the kind of splat that takes
+/// longest.
+pub fn flows(elaborated: &Elaborated) -> Vec<(&'static str, Vec<Flow>)> {
+    let kind = Kind {
+        ellipsoids: elaborated.machine.ellipse.ellipsoid.is_some(),
+        harmonics: elaborated
+            .colour
+            .as_ref()
+            .map_or(0, |_| colour::MOST_DEGREE as u8),
+        ..Kind::default()
+    };
+    let streams: Vec<Stream> = ports::constants(elaborated, kind)
+        .into_iter()
+        .chain(ports::streams(elaborated, kind))
+        .collect();
+    let flows = Flows {
+        elaborated,
+        streams: &streams,
+    };
+    let slowest = elaborated.ellipse.slowest();
+    let mut all = vec![
+        flows.of(&project(elaborated, kind)),
+        flows.of(&ellipse_unit(elaborated, slowest)),
+    ];
+    all.extend(
+        colour_unit(elaborated, kind)
+            .iter()
+            .map(|unit| flows.of(unit)),
+    );
+    all.push(flows.of(&gauss(elaborated)));
+    all
+}
+
+struct Flows<'a> {
+    elaborated: &'a Elaborated,
+    streams: &'a [Stream],
+}
+
+impl Flows<'_> {
+    fn of<const OUTPUTS: usize>(&self, unit: &Unit<'_, OUTPUTS>) -> (&'static str, Vec<Flow>) {
+        let into = format!("{}.in", unit.stream);
+        let signals = &self.elaborated.signals;
+        // A register may have the format of a word that the unit makes.
+        let made = unit.graph.flow(signals, &vec![None; unit.inputs.len()]);
+        let is_made = |name: &String| made.iter().any(|word| word.name == *name);
+        let signal = |stream: &str, name: &str| {
+            let stream = self.streams.iter().find(|known| known.name == stream);
+            let field = stream?.fields.iter().find(|field| field.name == name)?;
+            let signal = field.signal.clone()?;
+            // Without its axis, or its row and column.
+            let base = match name.rsplit_once('_') {
+                Some((base, "x" | "y" | "z")) => base,
+                Some((base, end)) if end.bytes().all(|byte| byte.is_ascii_digit()) => base,
+                _ => name,
+            };
+            Some(if is_made(&signal) {
+                format!("{}.{base}", unit.stream)
+            } else {
+                signal
+            })
+        };
+        let name = |(name, source): &(String, Source)| match source {
+            Source::Record(field) => signal(&into, field),
+            Source::Frame(field) => signal("frame", field),
+            Source::Reach => Some("raster.cutoff".into()),
+            Source::Word(0) => None,
+            Source::Word(_) => Some(format!("{}.{name}", unit.stream)),
+            // Exponents, flags and sides of the picture.
+            Source::Below(..) | Source::Opposite(_) | Source::OneLess(_) => None,
+        };
+        let names: Vec<Option<String>> = unit.inputs.iter().map(name).collect();
+        let words = unit.graph.flow(signals, &names);
+        (unit.stream, words)
+    }
 }
 
 /// The modules that the units are made of.

@@ -451,9 +451,8 @@ impl Ellipse {
         })
     }
 
-    /// Critical path of the kind of splat that takes longest.
-    pub fn path(&self) -> Path {
-        let has_aspect = self.machine.ellipse.aspect.is_some();
+    /// The kind of splat that takes longest.
+    pub fn slowest(&self) -> Variant {
         let slowest = self.machine.ellipse.ellipsoid.map(|words| {
             let amplitude = if words.compensation_root.is_some() {
                 frame::Amplitude::Compensated
@@ -465,12 +464,14 @@ impl Ellipse {
                 amplitude,
             }
         });
-        let paths = [None, slowest].map(|ellipsoid| {
-            self.datapath(self.variant(has_aspect, ellipsoid))
-                .graph
-                .path()
-        });
-        paths[0].parallel(paths[1])
+        self.variant(true, slowest)
+    }
+
+    /// Its critical path, which is at least that of discs.
+    pub fn path(&self) -> Path {
+        let [discs, slowest] = [self.variant(true, None), self.slowest()]
+            .map(|variant| self.datapath(variant).graph.path());
+        discs.parallel(slowest)
     }
 
     /// Registers of a view and a picture, in the input order of a variant's graph.

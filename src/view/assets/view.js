@@ -19,7 +19,7 @@
   if (folder.run?.pictures.length) pages.push(['frame', 'Frame', () => framePage(folder)]);
   if (folder.sequence) pages.push(['sequence', 'Frames', () => sequencePage(folder)]);
   const cycles = folder.run?.report.cycles ?? folder.cycles;
-  if (cycles) pages.push(['machine', 'Machine', () => machinePage(folder.run?.report ?? null, cycles, folder.tiles ? foldersTiles(folder) : null)]);
+  if (cycles) pages.push(['machine', 'Machine', () => machinePage(folder.run?.report ?? null, folder.run?.datapaths ?? [], cycles, folder.tiles ? foldersTiles(folder) : null)]);
   folder.tables.forEach((rows, nth) => pages.push(['rows' + nth, rows.title === 'frames' ? 'Rows' : rows.title[0].toUpperCase() + rows.title.slice(1), () => rowsPage(rows)]));
   if (folder.charts.length && !folder.compare) pages.push(['charts', 'Charts', () => chartsPage(folder)]);
 
