@@ -45,7 +45,7 @@ use claims::Decided;
 use crew::{Measurement, Prefetch, Request};
 use descent::{Problem, Settled};
 pub use domain::{Domain, Member};
-use knobs::{Knob, KnobPart};
+use knobs::{Knob, KnobPart, Selection};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
@@ -100,14 +100,17 @@ const PATIENCE: usize = 3;
 /// Most by which a failing view raises the aim, as a factor on the squared error: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
 
-/// Machines that met the aim by their samples, per machine that is drawn in full as the next
-/// reference.
-const GOOD_PER_REFERENCE: u32 = 32;
+/// States that a descent takes by samples, per state that is drawn in full as the next reference.
+const STATES_PER_REFERENCE: u32 = 6;
+/// Passes of max−1 by samples, at most: a sample may reject a step that the next one does not.
+const PASSES: usize = 3;
 /// Loads of references: machines near the target.
 const REFERENCE_LOADS: [f64; 2] = [0.5, 2.0];
 /// Rounds of giving steps back from a machine that meets the aim only by its samples, before samples
 /// no longer count.
-const REPAIRS: usize = 3;
+const REPAIRS: usize = 8;
+/// Factor on the aim per such round.
+const REPAIR: f64 = 1.03;
 
 /// Stage in which unseen views are drawn.
 const UNSEEN: &str = "unseen views";
@@ -486,6 +489,9 @@ pub struct SearchOutcome {
     pub margin: Margin,
     /// Steps that were measured on the final machine; each of them misses the aim.
     pub checked: CheckedSteps,
+    /// Parts that no searched scene uses, and that were left as they are.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unused: Vec<String>,
     /// What was not tried because the time of `--budget` ended; left out if the search was finished.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<Stopped>,
@@ -646,15 +652,29 @@ pub fn run_on(
     folder: &Path,
     options: &SearchOptions,
 ) -> Result<SearchOutcome> {
-    let knobs = knobs::all(machine, &options.only);
+    let selection = Selection::new(&options.only, domains.iter().map(Domain::scene));
+    let named = knobs::all(
+        machine,
+        &Selection {
+            unused: Vec::new(),
+            ..selection.clone()
+        },
+    );
     if let Some(name) = options.only.iter().find(|name| {
-        !knobs
+        !named
             .iter()
             .any(|knob| machines::is_below(&knob.path, name))
     }) {
         return Err(Error::input(format!(
             "--only {name}: machine {} has no such unit, word or size",
             machine.name
+        )));
+    }
+    let knobs = knobs::all(machine, &selection);
+    if knobs.is_empty() && !named.is_empty() {
+        return Err(Error::input(format!(
+            "--only {}: no searched scene uses it, so that no picture would show that it is too narrow",
+            options.only.join(", ")
         )));
     }
     let end = options.budget.map(|budget| Instant::now() + budget);
@@ -668,7 +688,14 @@ pub fn run_on(
         folder,
         &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": options.target, "scenes": names, "machine": machine}),
     )?;
-    let mut search = WordSearch::new(machine, knobs, domains, views, journal, options);
+    let mut search = WordSearch::new(
+        machine,
+        (knobs, selection),
+        domains,
+        views,
+        journal,
+        options,
+    );
     search.end = end;
     search.forecast();
     let mut so_far = SoFar {
@@ -827,10 +854,11 @@ struct Screens {
     nth: u64,
     /// Keys of machines that were drawn in full.
     in_full: HashSet<String>,
-    /// Machines that met the aim by samples since the last reference.
-    good: u32,
-    /// Whether decisions must be sure.
-    is_exact: bool,
+    /// States taken by samples since the last reference.
+    states: u32,
+    until: Option<Until>,
+    /// Rounds of giving steps back so far.
+    repair: u32,
     /// Whether machines are drawn in full for now.
     is_off: bool,
 }
@@ -852,6 +880,7 @@ struct WordSearch<'a> {
     /// The base with fewer integer bits.
     cut: Machine,
     fields: Value,
+    selection: Selection,
     knobs: Vec<Knob>,
     /// Integer bits. Their steps follow those of the knobs, and are taken only in the last steps.
     integers: Vec<Knob>,
@@ -891,7 +920,7 @@ struct WordSearch<'a> {
 impl<'a> WordSearch<'a> {
     fn new(
         machine: &Machine,
-        knobs: Vec<Knob>,
+        (knobs, selection): (Vec<Knob>, Selection),
         domains: &'a [Domain],
         views: Vec<View>,
         journal: Journal,
@@ -909,7 +938,8 @@ impl<'a> WordSearch<'a> {
             base,
             cut,
             fields,
-            integers: knobs::integers(machine, &options.only),
+            integers: knobs::integers(machine, &selection),
+            selection,
             is_last: false,
             knobs,
             views,
@@ -1177,7 +1207,7 @@ impl<'a> WordSearch<'a> {
         };
         if is_better && load.is_finite() {
             self.screens.nth += 1;
-            self.screens.good = 0;
+            self.screens.states = 0;
             self.screens.reference = Some(Reference {
                 key,
                 load,
@@ -1190,7 +1220,7 @@ impl<'a> WordSearch<'a> {
 
     /// What machines are compared with; `None` if there is no reference yet.
     fn screening(&mut self, until: Until) -> Result<Option<Screening>> {
-        let stricter = self.stricter;
+        let stricter = self.stricter_by_samples();
         let nth = self.screens.nth;
         let Some(reference) = &mut self.screens.reference else {
             return Ok(None);
@@ -1220,19 +1250,20 @@ impl<'a> WordSearch<'a> {
             key,
             reference.key,
             self.screens.nth,
-            self.stricter,
+            self.stricter_by_samples(),
             until,
             self.options.target
         ]);
         Some(digest(all.to_string().as_bytes()))
     }
 
+    /// The factor on the aim for estimates.
+    fn stricter_by_samples(&self) -> f64 {
+        self.stricter * libm::pow(REPAIR, f64::from(self.screens.repair))
+    }
+
     fn until(&self) -> Until {
-        if self.screens.is_exact {
-            Until::Sure
-        } else {
-            Until::Likely
-        }
+        self.screens.until.unwrap_or(Until::Likely)
     }
 
     /// A load by a sample, if the machine can be screened and was not drawn in full.
@@ -1298,20 +1329,13 @@ impl<'a> WordSearch<'a> {
                 estimate.load
             }
         };
-        if load <= 1.0 {
-            self.screens.good += 1;
-            if self.screens.good >= GOOD_PER_REFERENCE {
-                self.screens.good = 0;
-                return Ok(None);
-            }
-        }
         Ok(Some(load))
     }
 
     /// PSNR at a load; `None` if pictures are equal.
     fn psnr_db_at(&self, load: f64) -> Option<f64> {
         let wanted = self.options.target.psnr_db.filter(|_| load > 0.0)?;
-        Some(wanted - 10.0 * libm::log10(load / self.stricter))
+        Some(wanted - 10.0 * libm::log10(load / self.stricter_by_samples()))
     }
 
     /// A screened machine's load according to its row.
@@ -1326,17 +1350,54 @@ impl<'a> WordSearch<'a> {
         if !self.screens() {
             return Ok(steps);
         }
-        for _ in 0..REPAIRS {
+        for repair in 0..REPAIRS {
             let found = self.found(&steps)?;
             if self.load_of(&found) <= 1.0 {
                 return Ok(steps);
             }
-            steps = descent::given_back(self, &steps)?;
+            self.screens.repair = repair as u32;
+            let back = self.given_back(&steps);
+            self.screens.repair = 0;
+            steps = back?;
         }
         self.screens.is_off = true;
         let met = descent::given_back(self, &steps);
         self.screens.is_off = false;
         met
+    }
+
+    fn until_is<T>(
+        &mut self,
+        until: Until,
+        work: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<T> {
+        let before = self.screens.until.replace(until);
+        let done = work(self);
+        self.screens.until = before;
+        done
+    }
+
+    fn given_back(&mut self, steps: &[u32]) -> Result<Vec<u32>> {
+        self.until_is(Until::Compared, |search| descent::given_back(search, steps))
+    }
+
+    /// Takes steps away until each fails; by samples, in several passes.
+    fn taken_away(&mut self, steps: &[u32]) -> Result<Vec<u32>> {
+        if !self.screens() {
+            return descent::taken_away(self, steps);
+        }
+        let mut steps = steps.to_vec();
+        for _ in 0..PASSES {
+            let down = self.until_is(Until::Rejected, |search| {
+                descent::taken_away(search, &steps)
+            })?;
+            let down = self.met(down)?;
+            if self.area(&down) >= self.area(&steps) {
+                break;
+            }
+            steps = down;
+        }
+        Ok(steps)
     }
 
     /// Squared error of a machine as a part of the allowed squared error.
@@ -1404,7 +1465,7 @@ impl<'a> WordSearch<'a> {
         self.take_fields();
         let words = machines::words(&self.base)
             .into_iter()
-            .filter(|(path, _)| knobs::is_selected(path, &self.options.only));
+            .filter(|(path, _)| self.selection.has(path));
         let less = |(path, format): (String, Format)| {
             let int_bits = (*needed.get(&path)?).max(2 - format.frac_bits);
             (int_bits < format.int_bits)
@@ -1446,9 +1507,8 @@ impl<'a> WordSearch<'a> {
     /// Updates the fields from which steps are taken.
     fn take_fields(&mut self) {
         self.fields = machines::value(&self.cut);
-        let only = &self.options.only;
-        self.knobs = knobs::all(&self.cut, only);
-        self.integers = knobs::integers(&self.cut, only);
+        self.knobs = knobs::all(&self.cut, &self.selection);
+        self.integers = knobs::integers(&self.cut, &self.selection);
         self.areas.clear();
     }
 
@@ -1465,7 +1525,11 @@ impl<'a> WordSearch<'a> {
                     .iter()
                     .zip(&self.knobs)
                     .map(|(steps, knob)| (*steps).min(knob.most));
-                (None, steps.collect())
+                let steps: Vec<u32> = steps.collect();
+                if self.screens() {
+                    self.found(&steps)?;
+                }
+                (None, steps)
             }
             None => {
                 self.begin("alone");
@@ -1476,20 +1540,18 @@ impl<'a> WordSearch<'a> {
             }
         };
         self.begin("min+1");
-        let back = descent::given_back(self, &ill)?;
+        let back = self.given_back(&ill)?;
         let back = self.met(back)?;
         path.push(self.step("min+1", &back)?);
         self.begin("max−1");
         let is_back_well = self.load(&back)? <= 1.0;
         let Some(well) = well else {
             // A round for an additional view.
-            let down = descent::taken_away(self, if is_back_well { &back } else { &none })?;
-            let down = self.met(down)?;
+            let down = self.taken_away(if is_back_well { &back } else { &none })?;
             path.push(self.step("max−1", &down)?);
             return Ok(down);
         };
-        let down = descent::taken_away(self, &well)?;
-        let down = self.met(down)?;
+        let down = self.taken_away(&well)?;
         path.push(self.step("max−1", &down)?);
         let best = if is_back_well && self.area(&back) < self.area(&down) {
             back
@@ -1503,8 +1565,7 @@ impl<'a> WordSearch<'a> {
             cold = best;
         }
         path.push(self.step("annealing", &cold)?);
-        let down = descent::taken_away(self, &cold)?;
-        self.met(down)
+        self.taken_away(&cold)
     }
 
     fn begin(&mut self, stage: &'static str) {
@@ -1557,10 +1618,7 @@ impl<'a> WordSearch<'a> {
     }
 
     fn settled_exactly(&mut self, from: &[u32]) -> Result<Settled> {
-        self.screens.is_exact = true;
-        let settled = descent::settled(self, from);
-        self.screens.is_exact = false;
-        settled
+        self.until_is(Until::Sure, |search| descent::settled(search, from))
     }
 
     /// Draws each single step in full that a sample rejected; takes those that meet the aim
@@ -1892,6 +1950,7 @@ impl<'a> WordSearch<'a> {
             claims,
             margin,
             checked,
+            unused: self.selection.left_out(&self.base),
             stopped: None,
             machine,
             searched,
@@ -2138,7 +2197,7 @@ impl Problem for WordSearch<'_> {
 
     fn load_without_margin(&mut self, steps: &[u32]) -> Result<f64> {
         if let Some(load) = self.screened(steps)? {
-            return Ok(load / self.stricter);
+            return Ok(load / self.stricter_by_samples());
         }
         let found = self.found(steps)?;
         Ok(if found == UNUSABLE {
@@ -2146,6 +2205,19 @@ impl Problem for WordSearch<'_> {
         } else {
             self.options.target.load(&found)
         })
+    }
+
+    fn took(&mut self, steps: &[u32]) -> Result<Option<f64>> {
+        if !self.screens() || self.until() == Until::Sure {
+            return Ok(None);
+        }
+        self.screens.states += 1;
+        if self.screens.states < STATES_PER_REFERENCE {
+            return Ok(None);
+        }
+        self.screens.states = 0;
+        let found = self.found(steps)?;
+        Ok(Some(self.load_of(&found)))
     }
 
     fn width(&self) -> usize {
@@ -2426,6 +2498,13 @@ impl SearchOutcome {
             count => format!("holds on {count} unseen views{worst}"),
         };
         let _ = write!(text, "\n{}", wrapped(&views));
+        if !self.unused.is_empty() {
+            let unused = format!(
+                "no searched scene uses {}: its words and sizes were left as they are",
+                self.unused.join(", ")
+            );
+            let _ = write!(text, "\n{}", wrapped(&unused));
+        }
         if let Some(stopped) = &self.stopped {
             let _ = write!(text, "\n{}", wrapped(&stopped.text()));
         }

@@ -30,7 +30,8 @@
 //! Splats are set up if their box on the unchanged machine, [`MARGIN_PX`] wider on each side, touches
 //! a tile of the sample. Words do not depend on the other splats.
 //!
-//! Laws: `sure_decisions_are_seldom_wrong` (tests/search.rs), `a_sample_of_all_tiles_is_exact`.
+//! Laws: `sure_decisions_are_seldom_wrong`, `a_tile_of_a_sample_is_that_of_the_picture`;
+//! `screening_finds_machines_as_small_as_full_drawings_do` (tests/search.rs).
 
 use super::View;
 use crate::accuracy::pixel_errors;
@@ -44,7 +45,8 @@ use rtl_model::work::{TILE_PX, each_tile};
 use serde::{Deserialize, Serialize};
 
 /// Most sure decisions that are wrong, as a part of all sure decisions.
-pub const WRONG: f64 = 0.05;
+#[cfg(test)]
+const WRONG: f64 = 0.05;
 /// Least standard deviation, as a part of the estimate, for a sample of one tile.
 const LEAST_DEVIATION: f64 = 0.3;
 /// Part of the sample that is spread over all tiles, whatever their errors.
@@ -53,11 +55,10 @@ const FLOOR: f64 = 0.3;
 const FIRST: usize = 8;
 /// Pictures with fewer tiles are drawn in full.
 const LEAST_TILES: usize = 64;
-/// Tiles per sampled tile in the last sample, of [`Until::Sure`] and of [`Until::Likely`].
-const LAST_SURE: usize = 4;
-const LAST_LIKELY: usize = 8;
-/// Tiles of the last sample of [`Until::Likely`], at most.
-const MOST_LIKELY: usize = 32;
+/// Tiles of the picture per tile of the last sample, which has at most [`MOST`] tiles: after it the
+/// whole picture is drawn, or the estimate decides.
+const LAST: usize = 4;
+const MOST: usize = 64;
 /// Width by which boxes of splats are extended on each side, pixels.
 const MARGIN_PX: u16 = 3;
 /// Steps of a lattice of low discrepancy: 1/g and 1/g², g the plastic number (Roberts, *The
@@ -127,8 +128,13 @@ pub enum Until {
     /// Until the decision is sure; if the last sample does not decide, the machine must be drawn in
     /// full.
     Sure,
-    /// Until the decision is sure, or the sample is large enough for a decision that is not final.
+    /// Until the decision is sure, or the last sample: its estimate decides.
     Likely,
+    /// As [`Until::Likely`], but a load of at most 1 is estimated from the last sample, because it is
+    /// compared with others.
+    Rejected,
+    /// To the last sample: all loads are compared.
+    Compared,
 }
 
 impl Until {
@@ -136,7 +142,7 @@ impl Until {
     fn deviations(self) -> f64 {
         match self {
             Until::Sure => 3.0,
-            Until::Likely => 1.5,
+            Until::Likely | Until::Rejected | Until::Compared => 1.5,
         }
     }
 }
@@ -169,8 +175,17 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// Whether the interval decides.
     fn is_sure(&self) -> bool {
         self.low > 1.0 || self.high <= 1.0
+    }
+
+    fn is_enough(&self, until: Until) -> bool {
+        match until {
+            Until::Sure | Until::Likely => self.is_sure(),
+            Until::Rejected => self.low > 1.0,
+            Until::Compared => false,
+        }
     }
 }
 
@@ -234,12 +249,11 @@ impl Screening {
                 high: all.high.max(own.high),
                 max_error: all.max_error.max(own.max_error),
             };
-            if all.low > 1.0 || (self.until == Until::Likely && all.load > 1.0) {
+            if all.low > 1.0 && self.until != Until::Compared {
                 break;
             }
         }
-        let is_enough =
-            all.is_sure() || (self.until == Until::Likely && target.max_error.is_none());
+        let is_enough = all.is_sure() || (self.until != Until::Sure && target.max_error.is_none());
         Ok(is_enough.then_some(all))
     }
 
@@ -252,36 +266,43 @@ impl Screening {
         elaborated: &Elaborated,
         target: &Target,
     ) -> Result<Option<Estimate>> {
-        let tiles = reference.len();
-        if tiles != view.tiles() {
+        if reference.len() != view.tiles() {
             return Ok(None);
         }
-        let last = match self.until {
-            Until::Sure => tiles / LAST_SURE,
-            Until::Likely => (tiles / LAST_LIKELY).min(MOST_LIKELY),
-        };
-        let allowed = view.allowed(target, self.stricter);
-        let sizes = sizes(reference);
-        let order = order(&sizes, view.tile_columns(), self.nth);
         let part = view.part.get_or_init(|| Part::of(&view.scene));
+        let draw = |tiles: &[usize]| draw(view, part, splats, tiles, elaborated, target);
+        let limits = Limits {
+            allowed: view.allowed(target, self.stricter),
+            max_error: target.max_error,
+        };
+        self.sampled(reference, view.tile_columns(), &limits, draw)
+    }
+
+    /// Estimates a load on a picture with so many columns of tiles; `draw` returns the squared and the
+    /// greatest error of each tile that it is given, or `None` if a value is NaN or infinite.
+    fn sampled(
+        &self,
+        reference: &[f64],
+        columns: usize,
+        limits: &Limits,
+        mut draw: impl FnMut(&[usize]) -> Result<Option<Vec<(f64, f64)>>>,
+    ) -> Result<Option<Estimate>> {
+        let last = (reference.len() / LAST).min(MOST);
+        let first = match self.until {
+            Until::Compared => last,
+            _ => FIRST.min(last),
+        };
+        let sizes = sizes(reference);
+        let order = order(&sizes, columns, self.nth);
         let mut sample: Vec<Sampled> = Vec::new();
         let mut max_error = 0.0f64;
         loop {
-            let end = (2 * sample.len()).max(FIRST).min(last);
-            let more = &order[sample.len()..end];
-            let mut drawn = vec![false; tiles];
-            more.iter().for_each(|tile| drawn[*tile] = true);
-            let own = more.iter().flat_map(|tile| splats.tile(*tile)).copied();
-            let quantised =
-                quantise_part(&view.scene, &part.with(own.collect()), &elaborated.machine)?;
-            let drawing = fixed::draw_tiles(elaborated, &quantised, &drawn);
-            let format = elaborated.machine.resolve.frame.format;
-            let rgba =
-                |pixel: usize| drawing.frame[pixel].map(|word| format.value(i64::from(word)));
-            for &tile in more {
-                let Some((squares, most)) = tile_error(view, tile, target, rgba) else {
-                    return Ok(None);
-                };
+            let end = (2 * sample.len()).max(first).min(last);
+            let tiles = &order[sample.len()..end];
+            let Some(errors) = draw(tiles)? else {
+                return Ok(None);
+            };
+            for (&tile, (squares, most)) in tiles.iter().zip(errors) {
                 max_error = max_error.max(most);
                 sample.push(Sampled {
                     squares,
@@ -289,30 +310,56 @@ impl Screening {
                     size: sizes[tile],
                 });
             }
-            let by_most = target
+            let by_most = limits
                 .max_error
                 .map_or(0.0, |most| max_error / most * (max_error / most));
             let Interval { value, low, high } =
                 interval(&sample, &sizes, reference, self.until.deviations());
             let estimate = Estimate {
                 tiles: sample.len() as u64,
-                load: (value / allowed).max(by_most),
-                low: (low / allowed).max(by_most),
-                high: if target.max_error.is_some() {
-                    f64::INFINITY
-                } else {
-                    high / allowed
+                load: (value / limits.allowed).max(by_most),
+                low: (low / limits.allowed).max(by_most),
+                high: match limits.max_error {
+                    Some(_) => f64::INFINITY,
+                    None => high / limits.allowed,
                 },
                 max_error,
             };
             if !estimate.load.is_finite() {
                 return Ok(None);
             }
-            if estimate.is_sure() || sample.len() == last {
+            if estimate.is_enough(self.until) || sample.len() == last {
                 return Ok(Some(estimate));
             }
         }
     }
+}
+
+/// Errors at which a load is 1.
+struct Limits {
+    /// Squared error of the whole picture.
+    allowed: f64,
+    max_error: Option<f64>,
+}
+
+/// Draws some tiles of a view; returns the squared and the greatest error of each.
+fn draw(
+    view: &View,
+    part: &Part,
+    splats: &TileSplats,
+    tiles: &[usize],
+    elaborated: &Elaborated,
+    target: &Target,
+) -> Result<Option<Vec<(f64, f64)>>> {
+    let mut drawn = vec![false; view.tiles()];
+    tiles.iter().for_each(|tile| drawn[*tile] = true);
+    let own = tiles.iter().flat_map(|tile| splats.tile(*tile)).copied();
+    let quantised = quantise_part(&view.scene, &part.with(own.collect()), &elaborated.machine)?;
+    let drawing = fixed::draw_tiles(elaborated, &quantised, &drawn);
+    let format = elaborated.machine.resolve.frame.format;
+    let rgba = |pixel: usize| drawing.frame[pixel].map(|word| format.value(i64::from(word)));
+    let error = |tile: &usize| tile_error(view, *tile, target, rgba);
+    Ok(tiles.iter().map(error).collect())
 }
 
 /// A drawn tile.
@@ -428,5 +475,194 @@ fn interval(sample: &[Sampled], sizes: &[f64], reference: &[f64], deviations: f6
         value: value.max(drawn),
         low: (value - deviations * deviation).max(drawn),
         high: value + deviations * deviation,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::drawn;
+    use super::*;
+    use crate::explore::search::domain::Member;
+    use crate::hardware::machines;
+    use crate::scene::digest::mixed;
+    use crate::scene::{Overrides, Scene};
+    use rtl_model::Machine;
+    use rtl_model::num::Format;
+    use serde_json::Value;
+
+    fn view(name: &str, base: &Machine) -> View {
+        let overrides = Overrides {
+            size: Some((192, 160)),
+        };
+        let mut scene = Scene::load(name, &overrides).unwrap();
+        let stride = scene.splats.len().div_ceil(4000);
+        scene.splats = scene.splats.into_iter().step_by(stride).collect();
+        scene
+            .splats
+            .iter_mut()
+            .for_each(|splat| splat.radius *= (stride as f64).sqrt());
+        let member = Member {
+            name: name.into(),
+            scene,
+        };
+        let mut view = View::new(0, member, base);
+        view.splats = TileSplats::of(&view, &base.elaborate().unwrap());
+        view
+    }
+
+    /// The base with fewer fraction bits in some words.
+    fn narrower(base: &Machine, seed: u64) -> Option<Elaborated> {
+        let least = 3 + mixed(seed) % 8;
+        let change = |(nth, (path, format)): (usize, (String, Format))| {
+            let random = mixed(seed.wrapping_mul(1000) + nth as u64);
+            let bits = (least + random % 3) as i32;
+            let frac_bits = format.frac_bits - bits;
+            (random % 7 < 3 && format.int_bits + frac_bits > 3).then(|| {
+                let format = Format {
+                    frac_bits,
+                    ..format
+                };
+                (path, Value::from(format.to_string()))
+            })
+        };
+        let changes: Vec<_> = machines::words(base)
+            .into_iter()
+            .enumerate()
+            .filter_map(change)
+            .collect();
+        machines::with(base, &changes, "").ok()?.elaborate().ok()
+    }
+
+    const TARGET: Target = Target {
+        psnr_db: Some(50.0),
+        max_error: None,
+        no_saturation: false,
+        against: crate::hardware::searched::Against::Golden,
+        metric: Metric::Psnr,
+        frames_per_second: None,
+    };
+
+    #[test]
+    fn a_tile_of_a_sample_is_that_of_the_picture() {
+        let base = Machine::named("reference").unwrap();
+        for name in ["torus-knot", "glass-spheres"] {
+            let view = view(name, &base);
+            let machines: Vec<Elaborated> =
+                (0..40).filter_map(|seed| narrower(&base, seed)).collect();
+            let (splats, part) = (view.splats.as_ref().unwrap(), Part::of(&view.scene));
+            for elaborated in machines.iter().take(4).chain([&base.elaborate().unwrap()]) {
+                let Ok(whole) = drawn(elaborated, &view, &TARGET) else {
+                    continue;
+                };
+                for first in 0..3 {
+                    let tiles: Vec<usize> = (first..view.tiles()).step_by(3).collect();
+                    let errors = draw(&view, &part, splats, &tiles, elaborated, &TARGET)
+                        .unwrap()
+                        .unwrap();
+                    let own: Vec<f64> = errors.into_iter().map(|(squares, _)| squares).collect();
+                    let expected: Vec<f64> = tiles.iter().map(|tile| whole.tiles[*tile]).collect();
+                    assert_eq!(own, expected, "{name}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sure_decisions_are_seldom_wrong() {
+        let base = Machine::named("reference").unwrap();
+        let [mut sure, mut wrong, mut all] = [0u32; 3];
+        for name in ["torus-knot", "glass-spheres"] {
+            let view = view(name, &base);
+            let errors: Vec<Vec<f64>> = (100..180)
+                .filter_map(|seed| Some(drawn(&narrower(&base, seed)?, &view, &TARGET).ok()?.tiles))
+                .filter(|tiles| tiles.iter().sum::<f64>() > 0.0)
+                .collect();
+            assert!(errors.len() > 30, "{}", errors.len());
+            for (nth, own) in errors.iter().enumerate() {
+                for seed in 0..20u64 {
+                    let random = mixed(seed + 1000 * nth as u64);
+                    let reference = &errors[random as usize % errors.len()];
+                    let squares: f64 = own.iter().sum();
+                    // Loads from 1/3 to 3.
+                    let part = mixed(random) as f64 / u64::MAX as f64;
+                    let load = libm::pow(9.0, part - 0.5);
+                    let screening = Screening {
+                        reference: vec![reference.clone()],
+                        stricter: 1.0,
+                        nth: seed,
+                        until: Until::Sure,
+                    };
+                    let limits = Limits {
+                        allowed: squares / load,
+                        max_error: None,
+                    };
+                    let draw = |tiles: &[usize]| {
+                        Ok(Some(tiles.iter().map(|tile| (own[*tile], 0.0)).collect()))
+                    };
+                    let estimate = screening
+                        .sampled(reference, view.tile_columns(), &limits, draw)
+                        .unwrap()
+                        .unwrap();
+                    all += 1;
+                    if estimate.is_sure() {
+                        sure += 1;
+                        wrong += u32::from((estimate.low > 1.0) != (load > 1.0));
+                    }
+                }
+            }
+        }
+        eprintln!("{wrong} of {sure} sure decisions of {all} are wrong");
+        // Enough of them are sure for the share to mean something.
+        assert!(sure > all / 10, "{sure} of {all}");
+        assert!(
+            f64::from(wrong) <= WRONG * f64::from(sure),
+            "{wrong} of {sure}"
+        );
+    }
+
+    #[test]
+    fn a_sample_of_all_tiles_is_exact() {
+        let reference: Vec<f64> = (0..64).map(|tile| f64::from(tile % 7)).collect();
+        let sizes = sizes(&reference);
+        let sample: Vec<Sampled> = order(&sizes, 8, 3)
+            .into_iter()
+            .map(|tile| Sampled {
+                squares: tile as f64,
+                reference: reference[tile],
+                size: sizes[tile],
+            })
+            .collect();
+        let whole = interval(&sample, &sizes, &reference, 3.0);
+        assert_eq!([whole.value, whole.low, whole.high], [2016.0; 3]);
+        // A machine with twice the error of the reference everywhere is estimated without error.
+        let half: Vec<Sampled> = sample[..32]
+            .iter()
+            .map(|tile| Sampled {
+                squares: 2.0 * tile.reference,
+                ..*tile
+            })
+            .collect();
+        let double = interval(&half, &sizes, &reference, 3.0);
+        let expected = 2.0 * reference.iter().sum::<f64>();
+        assert!(
+            (double.value - expected).abs() < 1e-9 * expected,
+            "{}",
+            double.value
+        );
+    }
+
+    #[test]
+    fn probabilities_add_up_to_the_size_of_the_sample() {
+        let sizes = sizes(
+            &(0..100)
+                .map(|tile| if tile == 3 { 1e6 } else { f64::from(tile % 5) })
+                .collect::<Vec<_>>(),
+        );
+        assert!((sizes.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        for count in [1, 8, 50, 99] {
+            let scale = scale(&sizes, count);
+            let sum: f64 = sizes.iter().map(|size| (scale * size).min(1.0)).sum();
+            assert!((sum - count as f64).abs() < 1e-9, "{sum} for {count}");
+        }
     }
 }
