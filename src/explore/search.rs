@@ -103,7 +103,7 @@ const MOST_STRICTER: f64 = 2.0;
 /// States that a descent takes by samples, per state that is drawn in full as the next reference.
 const STATES_PER_REFERENCE: u32 = 6;
 /// Passes of max−1 by samples, at most: a sample may reject a step that the next one does not.
-const PASSES: usize = 3;
+const PASSES: usize = 2;
 /// Loads of references: machines near the target.
 const REFERENCE_LOADS: [f64; 2] = [0.5, 2.0];
 /// Rounds of giving steps back from a machine that meets the aim only by its samples, before samples
@@ -459,7 +459,7 @@ pub struct SearchStep {
     pub area: f64,
     #[serde(flatten)]
     found: SearchErrors,
-    /// Different machines requested so far, each drawn once.
+    /// Different machines tried so far.
     pub drawn: u64,
 }
 
@@ -1535,8 +1535,17 @@ impl<'a> WordSearch<'a> {
                 self.begin("alone");
                 self.find_reference()?;
                 let limits = descent::limits(self)?;
-                let (well, ill) = descent::starts(self, &limits)?;
-                (Some(self.met(well)?), ill)
+                let (mut well, ill) = descent::starts(self, &limits)?;
+                while self.screens() && well.iter().any(|steps| *steps > 0) {
+                    let found = self.found(&well)?;
+                    if self.load_of(&found) <= 1.0 {
+                        break;
+                    }
+                    // It met the target only by a sample.
+                    well.iter_mut()
+                        .for_each(|steps| *steps = steps.saturating_sub(1));
+                }
+                (Some(well), ill)
             }
         };
         self.begin("min+1");
@@ -2208,11 +2217,12 @@ impl Problem for WordSearch<'_> {
     }
 
     fn took(&mut self, steps: &[u32]) -> Result<Option<f64>> {
-        if !self.screens() || self.until() == Until::Sure {
+        if !self.screens() {
             return Ok(None);
         }
         self.screens.states += 1;
-        if self.screens.states < STATES_PER_REFERENCE {
+        // The last steps end in the machine that is reported: a sample only rejects there.
+        if self.screens.states < STATES_PER_REFERENCE && self.until() != Until::Sure {
             return Ok(None);
         }
         self.screens.states = 0;

@@ -55,12 +55,12 @@ const FLOOR: f64 = 0.3;
 const FIRST: usize = 8;
 /// Pictures with fewer tiles are drawn in full.
 const LEAST_TILES: usize = 64;
-/// Tiles of the picture per tile of the last sample, which has at most [`MOST`] tiles: after it the
-/// whole picture is drawn, or the estimate decides.
+/// Tiles of the picture per tile of the last sample, which has at most [`MOST`] tiles, or half as many
+/// for [`Until::Likely`]: after it the whole picture is drawn, or the estimate decides.
 const LAST: usize = 4;
-const MOST: usize = 64;
+const MOST: usize = 32;
 /// Width by which boxes of splats are extended on each side, pixels.
-const MARGIN_PX: u16 = 3;
+const MARGIN_PX: u16 = 2;
 /// Steps of a lattice of low discrepancy: 1/g and 1/g², g the plastic number (Roberts, *The
 /// unreasonable effectiveness of quasirandom sequences*, 2018).
 const LATTICE: [f64; 2] = [0.754_877_666_247, 0.569_840_290_998];
@@ -287,7 +287,11 @@ impl Screening {
         limits: &Limits,
         mut draw: impl FnMut(&[usize]) -> Result<Option<Vec<(f64, f64)>>>,
     ) -> Result<Option<Estimate>> {
-        let last = (reference.len() / LAST).min(MOST);
+        let most = match self.until {
+            Until::Likely => MOST / 2,
+            _ => MOST,
+        };
+        let last = (reference.len() / LAST).min(most);
         let first = match self.until {
             Until::Compared => last,
             _ => FIRST.min(last),
