@@ -344,6 +344,8 @@ fn a_search_meets_no_target_with_nan() {
         tries: 1,
         only: vec!["gauss.weight".into()],
         prices: Prices::default(),
+        screen: true,
+        budget: None,
         progress: false,
     };
     let run = |scene: &Scene, target| {

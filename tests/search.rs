@@ -376,6 +376,176 @@ fn a_search_that_is_killed_goes_on() {
     assert_eq!(found, keys(&whole), "other machines, or in another order");
 }
 
+/// Arguments of a search of two units on a scene that is large enough for samples of tiles.
+fn sampled<'a>(scene: &'a str, target: &'a str, out: &'a str) -> Vec<&'a str> {
+    let mut arguments = vec![
+        "search",
+        scene,
+        "--size",
+        "128x128",
+        "--target-psnr",
+        target,
+    ];
+    arguments.extend([
+        "--only",
+        "gauss",
+        "--only",
+        "raster",
+        "--only",
+        "fragment.depth",
+    ]);
+    arguments.extend(["--views", "0", "--tries", "10", "--out", out]);
+    arguments
+}
+
+/// Rows of a search: keys, and tiles if only a sample was drawn.
+fn rows(out: &Path) -> Vec<(String, Option<u64>)> {
+    let text = fs::read_to_string(out.join("points.jsonl")).unwrap();
+    let row = |line: &str| {
+        let row = serde_json::from_str::<Value>(line).unwrap()[1].clone();
+        (row[1].to_string(), row.get(14).and_then(Value::as_u64))
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+#[test]
+fn screening_finds_machines_as_small_as_full_drawings_do() {
+    if !tier::runs(Tier::Ci) {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let builtin = |name: &str| json!({"splats": {"builtin": name, "count": 3000}});
+    let searches = [
+        ("torus-knot", "45"),
+        ("glass-spheres", "45"),
+        ("terrain", "40"),
+        ("checkerboard", "45"),
+    ];
+    for (name, target) in searches {
+        let path = folder.path().join(format!("{name}.json"));
+        fs::write(&path, builtin(name).to_string()).unwrap();
+        let path = path.to_str().unwrap();
+        let found = |screen: &str| {
+            let out = folder.path().join(format!("{name}-{screen}"));
+            let mut arguments = sampled(path, target, out.to_str().unwrap());
+            arguments.extend(["--screen", screen, "--quiet"]);
+            ok(&splatsim(&arguments));
+            let machine = out.join("machine.json");
+            let (psnr_db, area) = ran(folder.path(), path, machine.to_str().unwrap(), "128x128");
+            (psnr_db, area, rows(&out))
+        };
+        let (psnr_db, area, drawn) = found("on");
+        let (_, least, all) = found("off");
+        let wanted: f64 = target.parse().unwrap();
+        assert!(psnr_db >= wanted, "{name}: {psnr_db} dB");
+        assert!(
+            area <= 1.02 * least,
+            "{name}: {area} LUT equivalents instead of {least}"
+        );
+        let samples = drawn.iter().filter(|(_, tiles)| tiles.is_some()).count();
+        assert!(
+            2 * samples > drawn.len(),
+            "{name}: {samples} samples in {} rows",
+            drawn.len()
+        );
+        assert!(all.iter().all(|(_, tiles)| tiles.is_none()), "{name}");
+    }
+}
+
+#[test]
+fn a_screened_search_that_is_killed_goes_on() {
+    if !tier::runs(Tier::Ci) {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
+    let arguments = |out: &Path| -> Vec<String> {
+        let arguments = sampled(&path, "45", out.to_str().unwrap());
+        arguments.into_iter().map(str::to_owned).collect()
+    };
+    let run = |out: &Path| {
+        ok(&Command::new(PROGRAM.as_str())
+            .args(arguments(out))
+            .output()
+            .unwrap())
+    };
+    run(&whole);
+    for wait_ms in [700, 900, 1100, 800] {
+        start_and_kill(wait_ms, arguments(&killed));
+    }
+    run(&killed);
+    let [expected, found] = [&whole, &killed].map(|out| rows(out));
+    assert!(
+        expected.iter().any(|(_, tiles)| tiles.is_some()),
+        "no samples"
+    );
+    assert_eq!(
+        found, expected,
+        "other machines or samples, or in another order"
+    );
+    let machine = |out: &Path| fs::read(out.join("machine.json")).unwrap();
+    assert_eq!(machine(&whole), machine(&killed));
+}
+
+#[test]
+fn a_budget_ends_a_search_with_a_machine_that_meets_the_target() {
+    if !tier::runs(Tier::Ci) {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let told = ok(&splatsim(&[
+        "search",
+        &path,
+        "--size",
+        "128x128",
+        "--target-psnr",
+        "40",
+        "--budget",
+        "3s",
+        "--out",
+        out.to_str().unwrap(),
+    ]));
+    assert!(
+        told.contains("the budget of 3 s ended in round 1"),
+        "{told}"
+    );
+    let report = read(&out.join("search.json"));
+    let not_tried = report["stopped"]["not_tried"].as_array().unwrap();
+    assert_eq!(not_tried.last().unwrap(), "unseen views", "{report}");
+    assert_eq!(report["tight"], json!([]));
+    let machine = out.join("machine.json");
+    let (psnr_db, _) = ran(folder.path(), &path, machine.to_str().unwrap(), "128x128");
+    assert!(psnr_db >= 40.0, "{psnr_db}");
+}
+
+#[test]
+fn words_that_no_scene_uses_are_left_as_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let mut arguments = vec!["search", &path, "--size", "24x20", "--target-psnr", "30"];
+    arguments.extend([
+        "--only",
+        "gauss.weight",
+        "--only",
+        "colour",
+        "--views",
+        "0",
+        "--machine",
+        "gaussian",
+    ]);
+    arguments.extend(["--tries", "5", "--out", out.to_str().unwrap()]);
+    let told = ok(&splatsim(&arguments));
+    assert!(told.contains("no searched scene uses colour"), "{told}");
+    let found = read(&out.join("machine.json"));
+    let reference: Value = serde_json::to_value(Machine::named("gaussian").unwrap()).unwrap();
+    assert_eq!(found["colour"], reference["colour"]);
+    assert_eq!(read(&out.join("search.json"))["unused"], json!(["colour"]));
+}
+
 fn complained(output: &Output) -> String {
     assert!(
         output.status.success(),
@@ -838,6 +1008,49 @@ fn impossible_searches_are_refused_in_a_sentence() {
         ],
         "the target is out of reach: on ",
     );
+    for wrong in ["10", "0s", "-3m", "5x", "nanh", "9999h", ""] {
+        refused(
+            &[
+                "search",
+                &path,
+                "--target-psnr",
+                "30",
+                &format!("--budget={wrong}"),
+                "--out",
+                dir,
+            ],
+            "a time from 1s to 1000h is needed",
+        );
+    }
+    refused(
+        &[
+            "search",
+            &path,
+            "--target-psnr",
+            "30",
+            "--screen",
+            "maybe",
+            "--out",
+            dir,
+        ],
+        "'maybe'",
+    );
+    refused(
+        &[
+            "search",
+            &path,
+            "--target-psnr",
+            "30",
+            "--machine",
+            "gaussian",
+            "--only",
+            "colour",
+            "--out",
+            dir,
+        ],
+        "--only colour: no searched scene uses it",
+    );
+    assert!(!out.exists(), "what is refused leaves no folder");
     // A folder with other contents.
     let plan = folder.path().join("plan.json");
     fs::write(

@@ -197,6 +197,22 @@ pub fn pixel_error(a: &Picture, b: &Picture, index: usize) -> f64 {
     difference(a, b, index).into_iter().fold(0.0, f64::max)
 }
 
+/// Squared error and greatest error of a pixel's values, over the colour channels, as [`distance`]
+/// adds them up; `None` if a value is NaN or infinite.
+pub fn pixel_errors(rgba: &[f64; 4], exact: &Picture, index: usize) -> Option<(f64, f64)> {
+    let is_finite = rgba.iter().all(|value| value.is_finite()) && is_finite(exact, index);
+    let [r, g, b, _] = *rgba;
+    let own = [r, g, b].map(|channel| channel.clamp(0.0, 1.0));
+    let exact = clamped(exact, index);
+    let errors: [f64; 3] = std::array::from_fn(|channel| (own[channel] - exact[channel]).abs());
+    is_finite.then(|| {
+        (
+            errors.iter().map(|error| error * error).sum(),
+            errors.into_iter().fold(0.0, f64::max),
+        )
+    })
+}
+
 /// Absolute difference of two pictures at one pixel; 1 if either value is NaN or infinite.
 pub(super) fn difference(a: &Picture, b: &Picture, index: usize) -> [f64; 3] {
     if !is_finite(a, index) || !is_finite(b, index) {

@@ -16,5 +16,5 @@ pub use lockstep::{
 pub(crate) use metrics::db_text;
 pub use metrics::{
     Distance, Fidelity, Metrics, PIXELS_PER_DEGREE, distance, fidelity, is_finite, metrics,
-    pixel_error,
+    pixel_error, pixel_errors,
 };

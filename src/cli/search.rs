@@ -13,6 +13,7 @@ use clap::{Args, ValueEnum};
 use rtl_model::Machine;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 #[derive(Args, Debug)]
 pub(super) struct SearchArgs {
@@ -73,6 +74,12 @@ pub(super) struct SearchArgs {
     /// Verify on N unseen cameras
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(0..=100))]
     views: u8,
+    /// Draw samples of tiles: `on` or `off`
+    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = ScreenFlag::On, conflicts_with = "over")]
+    screen: ScreenFlag,
+    /// End after this time, with the best machine: 10m
+    #[arg(long, value_name = "TIME", value_parser = time, conflicts_with_all = ["over", "min_fps"])]
+    budget: Option<Duration>,
     /// Search only this: gauss, gauss.weight; may repeat
     #[arg(long, value_name = "PATH")]
     only: Vec<String>,
@@ -134,6 +141,24 @@ fn run_arguments(scenes: &[OsString], common: &CommonArgs) -> Vec<String> {
 enum AgainstFlag {
     Golden,
     Ideal,
+}
+
+/// `--screen`.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum ScreenFlag {
+    On,
+    Off,
+}
+
+/// A time such as 90s, 10m or 2h, at least a second and at most 1000 hours.
+fn time(text: &str) -> std::result::Result<Duration, String> {
+    let seconds = [("s", 1.0), ("m", 60.0), ("h", 3600.0)]
+        .into_iter()
+        .find_map(|(unit, seconds)| Some(positive(text.strip_suffix(unit)?).ok()? * seconds))
+        .filter(|seconds| (1.0..=3.6e6).contains(seconds));
+    seconds
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| "a time from 1s to 1000h is needed, such as 90s, 10m or 2h".into())
 }
 
 /// `--metric`.
@@ -211,6 +236,8 @@ impl SearchArgs {
             tries: self.tries.into(),
             only: self.only,
             prices: Prices::load_or_default(self.prices.as_deref())?,
+            screen: self.screen == ScreenFlag::On,
+            budget: self.budget,
             progress: !self.quiet,
         };
         let prices_flag = self.prices.as_deref().map_or(String::new(), |path| {

@@ -19,6 +19,7 @@ mod domain;
 mod knobs;
 pub mod over_fragment;
 pub mod over_timing;
+mod screen;
 
 use crate::accuracy::distance;
 use crate::error::{Error, Result};
@@ -26,28 +27,31 @@ use crate::explore::sweep::columns;
 use crate::explore::sweep::table::{CellKind, Column, Journal, Row, named};
 use crate::explore::sweep::write_plan;
 use crate::golden;
-use crate::hardware::quantise::quantise;
+use crate::hardware::quantise::{Part, quantise};
 pub use crate::hardware::searched::{Against, Metric, Target};
 use crate::hardware::searched::{SceneRecord, SearchRecord};
 use crate::hardware::{fixed, machines};
 use crate::output::files::{Folder, write_beside};
 use crate::output::picture::Picture;
 use crate::output::progress::Progress;
-use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use crate::output::text::{aligned, duration, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
 use crate::run::evaluation::Evaluation;
+use crate::run::timed;
 use crate::scene::digest::{digest, digest_of};
 use crate::scene::{Camera, Scene};
 pub use claims::Claim;
 use claims::Decided;
-use crew::{Measurement, Prefetch};
+use crew::{Measurement, Prefetch, Request};
 use descent::{Problem, Settled};
 pub use domain::{Domain, Member};
-use knobs::{Knob, KnobPart};
+use knobs::{Knob, KnobPart, Selection};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
+use rtl_model::work::TILE_PX;
 use schemars::JsonSchema;
+use screen::{Screening, TileSplats, Until};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::borrow::Cow;
@@ -55,6 +59,8 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
 /// Options of a search over words.
 #[derive(Clone, Debug)]
@@ -74,6 +80,10 @@ pub struct SearchOptions {
     pub only: Vec<String>,
     /// Prices of bits.
     pub prices: Prices,
+    /// Draw only a sample of the tiles where that decides.
+    pub screen: bool,
+    /// End after this time, with the best machine found so far.
+    pub budget: Option<Duration>,
     /// Show progress.
     pub progress: bool,
 }
@@ -89,6 +99,37 @@ const FIRST_RANGE_VIEW: usize = 1_000_000;
 const PATIENCE: usize = 3;
 /// Most by which a failing view raises the aim, as a factor on the squared error: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
+
+/// States that a descent takes by samples, per state that is drawn in full as the next reference.
+const STATES_PER_REFERENCE: u32 = 6;
+/// Passes of max−1 by samples, at most: a sample may reject a step that the next one does not.
+const PASSES: usize = 2;
+/// Loads of references: machines near the target.
+const REFERENCE_LOADS: [f64; 2] = [0.5, 2.0];
+/// Rounds of giving steps back from a machine that meets the aim only by its samples, before samples
+/// no longer count.
+const REPAIRS: usize = 8;
+/// Factor on the aim per such round.
+const REPAIR: f64 = 1.03;
+
+/// Stage in which unseen views are drawn.
+const UNSEEN: &str = "unseen views";
+/// The same before the last steps.
+const EARLY: &str = "early test of unseen views";
+/// Stages of the first round.
+const STAGES: [&str; 7] = [
+    "ranges",
+    "alone",
+    "min+1",
+    "max−1",
+    "annealing",
+    "last steps",
+    UNSEEN,
+];
+/// Stages of later rounds; unseen views are also drawn before the last steps.
+const LATER_STAGES: [&str; 6] = ["ranges", "min+1", "max−1", EARLY, "last steps", UNSEEN];
+/// Number of machines after which the time is forecast.
+const FORECAST_AFTER: usize = 50;
 
 const COLUMNS: [(&str, CellKind); 14] = [
     ("point", CellKind::Whole),
@@ -113,13 +154,31 @@ const LOCKSTEP_COLUMNS: [(&str, CellKind); 2] = [
     (columns::LOCKSTEP_MAX_ERROR, CellKind::Number),
 ];
 
-fn columns_of(target: &Target) -> Vec<Column> {
-    let more: &[_] = if target.metric == Metric::Lockstep {
+/// Additional column of a search that screens: tiles of the samples; empty if the machine was drawn
+/// in full.
+const SCREENED_COLUMNS: [(&str, CellKind); 4] = [
+    ("tiles", CellKind::Whole),
+    ("load", CellKind::Number),
+    ("load_low", CellKind::Number),
+    ("load_high", CellKind::Number),
+];
+
+fn columns_of(options: &SearchOptions) -> Vec<Column> {
+    let more: &[_] = if options.target.metric == Metric::Lockstep {
         &LOCKSTEP_COLUMNS
+    } else if options.screens() {
+        &SCREENED_COLUMNS
     } else {
         &[]
     };
     named(&[&COLUMNS, more].concat())
+}
+
+impl SearchOptions {
+    /// Whether machines are screened.
+    fn screens(&self) -> bool {
+        self.screen && screen::is_possible(&self.target)
+    }
 }
 
 /// A scene from one camera.
@@ -130,26 +189,75 @@ struct View {
     name: String,
     scene: Scene,
     golden: Picture,
-    ideal: Picture,
+    /// Drawn when it is needed.
+    ideal: Option<Picture>,
     /// Error of the method, which does not depend on words.
     golden_vs_ideal_psnr_db: Option<f64>,
     digest: String,
+    /// Splats of each tile, for samples of tiles.
+    splats: Option<TileSplats>,
+    #[serde(skip)]
+    part: OnceLock<Part>,
 }
 
 impl View {
     fn new(of: usize, Member { name, scene }: Member, machine: &Machine) -> Self {
         let golden = golden::render(&scene, &fixed::rules(machine)).picture;
-        let ideal = golden::ideal(&scene).picture;
-        let golden_vs_ideal_psnr_db = distance(&golden, &ideal).psnr_db;
         View {
             of,
             name,
             digest: digest_of(&scene),
             scene,
             golden,
-            ideal,
-            golden_vs_ideal_psnr_db,
+            ideal: None,
+            golden_vs_ideal_psnr_db: None,
+            splats: None,
+            part: OnceLock::new(),
         }
+    }
+
+    /// With the picture of the method without limits.
+    fn with_ideal(mut self) -> Self {
+        if self.ideal.is_none() {
+            let ideal = golden::ideal(&self.scene).picture;
+            self.golden_vs_ideal_psnr_db = distance(&self.golden, &ideal).psnr_db;
+            self.ideal = Some(ideal);
+        }
+        self
+    }
+
+    /// The picture that the target compares with.
+    fn exact(&self, target: &Target) -> Option<&Picture> {
+        match target.against {
+            Against::Golden => Some(&self.golden),
+            Against::Ideal => self.ideal.as_ref(),
+        }
+    }
+
+    /// Squared error of the picture, summed over pixels and channels, at which the load is 1.
+    fn allowed(&self, target: &Target, stricter: f64) -> f64 {
+        let values = 3.0 * (self.golden.width * self.golden.height) as f64;
+        let decibels = target.psnr_db.unwrap_or(0.0);
+        values * libm::pow(10.0, -decibels / 10.0) / stricter
+    }
+
+    fn tile_columns(&self) -> usize {
+        self.golden.width.div_ceil(TILE_PX)
+    }
+
+    /// Number of tiles.
+    fn tiles(&self) -> usize {
+        self.tile_columns() * self.golden.height.div_ceil(TILE_PX)
+    }
+
+    /// Indices of a tile's pixels in the picture.
+    fn pixels(&self, tile: usize) -> impl Iterator<Item = usize> + use<> {
+        let (width, height) = (self.golden.width, self.golden.height);
+        let [left, top] =
+            [tile % self.tile_columns(), tile / self.tile_columns()].map(|at| at * TILE_PX);
+        let columns = left..width.min(left + TILE_PX);
+        (top..height.min(top + TILE_PX))
+            .flat_map(move |row| columns.clone().map(move |column| row * width + column))
     }
 
     /// The name without the scene.
@@ -351,7 +459,7 @@ pub struct SearchStep {
     pub area: f64,
     #[serde(flatten)]
     found: SearchErrors,
-    /// Different machines requested so far, each drawn once.
+    /// Different machines tried so far.
     pub drawn: u64,
 }
 
@@ -381,6 +489,12 @@ pub struct SearchOutcome {
     pub margin: Margin,
     /// Steps that were measured on the final machine; each of them misses the aim.
     pub checked: CheckedSteps,
+    /// Parts that no searched scene uses, and that were left as they are.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unused: Vec<String>,
+    /// What was not tried because the time of `--budget` ended; left out if the search was finished.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<Stopped>,
     /// The machine that was found.
     pub machine: Machine,
     /// Target and scenes of the search, as in the machine's file.
@@ -417,6 +531,19 @@ pub struct CheckedSteps {
     pub together: usize,
     /// Words and sizes for which one step less takes more area.
     pub costly: usize,
+}
+
+/// End of a search by its budget of time.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Stopped {
+    /// The budget, seconds.
+    pub budget_seconds: f64,
+    /// Round in which the search ended, from 1.
+    pub round: usize,
+    /// Stage in which it ended, unfinished.
+    pub stage: String,
+    /// Stages of this round that were not begun. A round after it may have been necessary too.
+    pub not_tried: Vec<String>,
 }
 
 /// An unseen view.
@@ -486,7 +613,7 @@ fn first_views(
                 member
                     .and_nearby(options.robust)
                     .into_iter()
-                    .map(|member| View::new(of, member, machine)),
+                    .map(|member| View::new(of, member, machine).with_ideal()),
             );
         }
     }
@@ -504,7 +631,9 @@ pub fn check(domains: &[Domain], machine: &Machine, options: &SearchOptions) -> 
 fn checked(domains: &[Domain], machine: &Machine, options: &SearchOptions) -> Result<Vec<View>> {
     let elaborated = fixed::elaborate(machine)?;
     let views = first_views(domains, machine, options)?;
-    let found = found_on(&views, |view| drawn(&elaborated, view, &options.target))?;
+    let found = found_on(&views, |view| {
+        Ok(drawn(&elaborated, view, &options.target)?.found)
+    })?;
     options
         .target
         .check_reach(&found, &views, &machine.name)
@@ -523,9 +652,16 @@ pub fn run_on(
     folder: &Path,
     options: &SearchOptions,
 ) -> Result<SearchOutcome> {
-    let knobs = knobs::all(machine, &options.only);
+    let selection = Selection::new(&options.only, domains.iter().map(Domain::scene));
+    let named = knobs::all(
+        machine,
+        &Selection {
+            unused: Vec::new(),
+            ..selection.clone()
+        },
+    );
     if let Some(name) = options.only.iter().find(|name| {
-        !knobs
+        !named
             .iter()
             .any(|knob| machines::is_below(&knob.path, name))
     }) {
@@ -534,65 +670,127 @@ pub fn run_on(
             machine.name
         )));
     }
+    let knobs = knobs::all(machine, &selection);
+    if knobs.is_empty() && !named.is_empty() {
+        return Err(Error::input(format!(
+            "--only {}: no searched scene uses it, so that no picture would show that it is too narrow",
+            options.only.join(", ")
+        )));
+    }
+    let end = options.budget.map(|budget| Instant::now() + budget);
     // Fails before anything is written.
     let views = checked(domains, machine, options)?;
     let _open = Folder::open(folder)?;
-    let mut journal = Journal::open(folder, "", columns_of(&options.target))?;
+    let mut journal = Journal::open(folder, "", columns_of(options))?;
     journal.keep();
     let names: Vec<String> = domains.iter().map(|domain| domain.label.clone()).collect();
     write_plan(
         folder,
         &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": options.target, "scenes": names, "machine": machine}),
     )?;
-    let mut search = WordSearch::new(machine, knobs, domains, views, journal, options);
-    let first_views = search.views.len();
+    let mut search = WordSearch::new(
+        machine,
+        (knobs, selection),
+        domains,
+        views,
+        journal,
+        options,
+    );
+    search.end = end;
+    search.forecast();
+    let mut so_far = SoFar {
+        first_views: search.views.len(),
+        ..SoFar::default()
+    };
+    let outcome = match rounds(&mut search, &mut so_far, names.clone()) {
+        Err(_) if search.is_over => search.stopped(so_far, names)?,
+        outcome => outcome?,
+    };
+    search.report_spent();
+    search.write(outcome, folder)
+}
+
+/// What a search has found so far.
+#[derive(Default)]
+struct SoFar {
+    first_views: usize,
+    path: Vec<SearchStep>,
+    learnt: Vec<String>,
+    target_alone_area: Option<f64>,
+}
+
+/// Rounds until the target holds on unseen views.
+fn rounds(
+    search: &mut WordSearch,
+    so_far: &mut SoFar,
+    names: Vec<String>,
+) -> Result<SearchOutcome> {
+    let SoFar {
+        first_views,
+        path,
+        learnt,
+        target_alone_area,
+    } = so_far;
+    let options = search.options;
+    search.find_splats();
     let none = vec![0; search.knobs.len()];
     search.check_reach()?;
-    let mut path = vec![search.step(&machine.name, &none)?];
-    let mut learnt: Vec<String> = Vec::new();
+    path.push(search.step(&search.base.name.clone(), &none)?);
     let mut next_view = 1;
     let mut steps: Option<Vec<u32>> = None;
-    let mut target_alone_area = None;
     loop {
-        let best = search.round(steps.as_deref(), &mut path)?;
+        search.round = learnt.len() + 1;
+        let best = search.round(steps.as_deref(), path)?;
         // Integer bits take long. Unseen views are checked first, except in the first round, which
         // gives the area for the target only.
         let early = match target_alone_area {
-            Some(_) => search.verified(&best, &mut next_view)?.1,
+            Some(_) => search.verified(&best, &mut next_view, EARLY)?.1,
             None => None,
         };
         let is_early = early.is_some();
         let (tried, (found, views)) = match early {
             Some(failed) => (best.clone(), failed),
             None => {
+                let mut settled = search.last_steps(&best, path)?;
+                let area = search.area(&settled.steps).unwrap_or(f64::INFINITY);
+                let target_alone_area = *target_alone_area.get_or_insert(area);
+                let (held, failed) = loop {
+                    let verdict = search.verified(&settled.steps, &mut next_view, UNSEEN)?;
+                    if verdict.1.is_some() {
+                        break verdict;
+                    }
+                    match search.settled_again(&settled.steps, path)? {
+                        Some(again) => settled = again,
+                        None => break verdict,
+                    }
+                };
                 let Settled {
                     steps: last,
                     alone,
                     together,
                     costly,
-                } = search.last_steps(&best, &mut path)?;
+                } = settled;
                 let area = search.area(&last).unwrap_or(f64::INFINITY);
-                let target_alone_area = *target_alone_area.get_or_insert(area);
-                let (held, failed) = search.verified(&last, &mut next_view)?;
                 let Some(failed) = failed else {
                     let searched = search.drawn_again(&last)?;
                     let margin =
-                        search.margin(&last, &searched[..first_views], [target_alone_area, area]);
+                        search.margin(&last, &searched[..*first_views], [target_alone_area, area]);
                     let claims = search.claims(&searched, &held);
                     let checked = CheckedSteps {
                         alone,
                         together,
                         costly,
                     };
-                    let outcome = search.outcome(
+                    let tight = search.critical(&last)?;
+                    let machine = search.machine(&last);
+                    return Ok(search.outcome(
                         names,
-                        path,
+                        (std::mem::take(path), std::mem::take(learnt)),
                         held,
-                        learnt,
-                        &last,
+                        tight,
+                        machine.unwrap_or_else(|| search.base.clone()),
                         (margin, claims, checked),
-                    )?;
-                    return search.write(outcome, folder);
+                    ));
                 };
                 (last, failed)
             }
@@ -636,6 +834,44 @@ pub fn run_on(
 /// Unseen views with their errors, and the worst failing one with its nearby cameras.
 type Verdict = (Vec<Unseen>, Option<(SearchErrors, Vec<View>)>);
 
+/// A machine that was drawn in full, with which screened machines are compared.
+struct Reference {
+    key: String,
+    load: f64,
+    /// Number of views on which it was drawn.
+    views: usize,
+    machine: Machine,
+    /// Squared error per tile of each view; empty if its row was written by an earlier process.
+    tiles: Vec<Vec<f64>>,
+}
+
+/// State of screening. It depends only on the requests so far, so that a search that goes on takes
+/// the same decisions.
+#[derive(Default)]
+struct Screens {
+    reference: Option<Reference>,
+    /// Number of references so far.
+    nth: u64,
+    /// Keys of machines that were drawn in full.
+    in_full: HashSet<String>,
+    /// States taken by samples since the last reference.
+    states: u32,
+    until: Option<Until>,
+    /// Rounds of giving steps back so far.
+    repair: u32,
+    /// Whether machines are drawn in full for now.
+    is_off: bool,
+}
+
+/// Where the time went, seconds.
+#[derive(Default)]
+struct Spent {
+    drawing: f64,
+    screening: f64,
+    comparing: f64,
+    exact: f64,
+}
+
 /// State of a search.
 struct WordSearch<'a> {
     domains: &'a [Domain],
@@ -644,6 +880,7 @@ struct WordSearch<'a> {
     /// The base with fewer integer bits.
     cut: Machine,
     fields: Value,
+    selection: Selection,
     knobs: Vec<Knob>,
     /// Integer bits. Their steps follow those of the knobs, and are taken only in the last steps.
     integers: Vec<Knob>,
@@ -656,18 +893,34 @@ struct WordSearch<'a> {
     method: &'static str,
     /// Requested machines, whether drawn now or earlier.
     requested: HashSet<String>,
+    screens: Screens,
+    spent: Spent,
     prefetch: Prefetch,
     /// Factor by which the allowed squared error is less than the target's.
     stricter: f64,
     /// Least integer bits of words that saturated on a failing view.
     least_int_bits: BTreeMap<String, i32>,
+    /// Integer bits that words of the base need on the cameras around and the first `measured` views.
+    needed: HashMap<String, i32>,
+    measured: usize,
+    /// When the search began, and when it must end.
+    start: Instant,
+    end: Option<Instant>,
+    /// Whether it had to end.
+    is_over: bool,
+    /// Round, from 1, and its stage.
+    round: usize,
+    stage: &'static str,
+    /// The smallest machine that was drawn in full and meets the target on all searched views, and
+    /// its area.
+    best: Option<(Machine, f64)>,
     progress: Progress,
 }
 
 impl<'a> WordSearch<'a> {
     fn new(
         machine: &Machine,
-        knobs: Vec<Knob>,
+        (knobs, selection): (Vec<Knob>, Selection),
         domains: &'a [Domain],
         views: Vec<View>,
         journal: Journal,
@@ -685,7 +938,8 @@ impl<'a> WordSearch<'a> {
             base,
             cut,
             fields,
-            integers: knobs::integers(machine, &options.only),
+            integers: knobs::integers(machine, &selection),
+            selection,
             is_last: false,
             knobs,
             views,
@@ -694,9 +948,19 @@ impl<'a> WordSearch<'a> {
             areas: HashMap::new(),
             method: "",
             requested: HashSet::new(),
+            screens: Screens::default(),
+            spent: Spent::default(),
             prefetch: Prefetch::new(),
             stricter: 1.0,
             least_int_bits: BTreeMap::new(),
+            needed: HashMap::new(),
+            measured: 0,
+            start: Instant::now(),
+            end: None,
+            is_over: false,
+            round: 0,
+            stage: STAGES[0],
+            best: None,
             progress,
         }
     }
@@ -705,6 +969,24 @@ impl<'a> WordSearch<'a> {
     fn learn(&mut self, views: Vec<View>) {
         self.views.extend(views);
         self.areas.clear();
+        self.best = None;
+        self.find_splats();
+    }
+
+    /// Finds the splats of each view's tiles, for samples.
+    fn find_splats(&mut self) {
+        let Ok(elaborated) = self.base.elaborate() else {
+            return;
+        };
+        if !self.options.screens() {
+            return;
+        }
+        for view in &mut self.views {
+            // The cut of a tree depends on the machine.
+            if view.splats.is_none() && view.scene.detail.is_none() && screen::has_enough(view) {
+                view.splats = TileSplats::of(view, &elaborated);
+            }
+        }
     }
 
     /// Checks that the base meets the target on all views. Limits the aim to what the base reaches.
@@ -784,7 +1066,7 @@ impl<'a> WordSearch<'a> {
                 fixed_vs_ideal_psnr_db: row[9].as_f64(),
                 fixed_vs_ideal_max_error: row[10].as_f64().unwrap_or(0.0),
                 saturated,
-                lockstep: (row.len() > COLUMNS.len()).then(|| InLockstep {
+                lockstep: (self.options.target.metric == Metric::Lockstep).then(|| InLockstep {
                     psnr_db: row[14].as_f64(),
                     max_error: row[15].as_f64().unwrap_or(f64::INFINITY),
                 }),
@@ -799,29 +1081,31 @@ impl<'a> WordSearch<'a> {
         };
         self.requested.insert(key.clone());
         if let Some(found) = self.known(&key) {
+            self.is_drawn(key, found, &machine, Vec::new());
             return Ok(found);
         }
-        let Measurement { found, seconds } = self.prefetch.taken(
-            &self.views,
-            &self.options.target,
-            (&key, &machine),
-            &elaborated,
-        )?;
+        self.check_time()?;
+        let request = Request {
+            target: self.options.target,
+            screening: None,
+        };
+        let Measurement {
+            found,
+            tiles,
+            seconds,
+            comparing,
+            ..
+        } = self
+            .prefetch
+            .taken(&self.views, &request, (&key, &machine), &elaborated)?;
+        self.spent.drawing += seconds - comparing;
+        self.spent.comparing += comparing;
+        let found = found.unwrap_or_else(|| Err("it was not measured".into()));
         let misfit = found.as_ref().err().cloned();
         let found = found.unwrap_or(UNUSABLE);
+        self.is_drawn(key.clone(), found, &machine, tiles);
         let area = Cost::new(&elaborated, &self.options.prices).area;
-        let point = self
-            .journal
-            .rows()
-            .filter_map(|row| row[0].as_u64())
-            .next_back()
-            .map_or(0, |last| last + 1);
-        let scene = self
-            .views
-            .iter()
-            .map(|view| view.name.as_str())
-            .collect::<Vec<_>>()
-            .join(", ");
+        let (point, scene) = (self.next_point(), self.view_names());
         let seen = misfit.is_none();
         let mut row: Row = vec![
             json!(point),
@@ -839,14 +1123,39 @@ impl<'a> WordSearch<'a> {
             json!(area),
             json!(seconds),
         ];
+        if self.options.screens() {
+            row.extend([Value::Null, Value::Null, Value::Null, Value::Null]);
+        }
         if self.options.target.metric == Metric::Lockstep {
             row.extend([
                 json!(found.lockstep.and_then(|of| of.psnr_db)),
                 json!(found.lockstep.map(|of| of.max_error)),
             ]);
         }
+        self.store(key, row)?;
+        self.report(area, found.psnr_db_of(&self.options.target));
+        Ok(found)
+    }
+
+    /// Adds a row to the journal.
+    fn store(&mut self, key: String, row: Row) -> Result<()> {
+        let point = self.next_point();
         self.journal.push(point, row)?;
         self.known.insert(key, point);
+        Ok(())
+    }
+
+    fn next_point(&self) -> u64 {
+        let points = self.journal.rows().filter_map(|row| row[0].as_u64());
+        points.last().map_or(0, |last| last + 1)
+    }
+
+    fn view_names(&self) -> String {
+        let names: Vec<&str> = self.views.iter().map(|view| view.name.as_str()).collect();
+        names.join(", ")
+    }
+
+    fn report(&mut self, area: f64, psnr_db: Option<f64>) {
         // Before the first step there is no method.
         let method = if self.method.is_empty() {
             "start"
@@ -857,10 +1166,238 @@ impl<'a> WordSearch<'a> {
             "{method}: machine {} drawn, {} LUT equivalents, {} dB",
             self.requested.len(),
             thousands(area as u64),
-            decibels(found.psnr_db_of(&self.options.target))
+            decibels(psnr_db)
         );
         self.progress.set_message(message);
-        Ok(found)
+        self.forecast_time();
+    }
+
+    /// Whether machines are screened now.
+    fn screens(&self) -> bool {
+        self.options.screens()
+            && !self.screens.is_off
+            && self.views.iter().all(|view| view.splats.is_some())
+    }
+
+    /// Keeps a machine that was drawn in full on all views. The next machines are compared with one
+    /// near the target.
+    fn is_drawn(
+        &mut self,
+        key: String,
+        found: SearchErrors,
+        machine: &Machine,
+        tiles: Vec<Vec<f64>>,
+    ) {
+        let load = self.load_of(&found);
+        if found != UNUSABLE && self.options.target.load(&found) <= 1.0 {
+            let area = self.area_of(machine).unwrap_or(f64::INFINITY);
+            if self.best.as_ref().is_none_or(|(_, best)| area < *best) {
+                self.best = Some((machine.clone(), area));
+            }
+        }
+        self.screens.in_full.insert(key.clone());
+        let [least, most] = REFERENCE_LOADS;
+        let is_better = match &self.screens.reference {
+            Some(reference) if reference.views == self.views.len() => {
+                let distance = |load: f64| libm::log(load.max(f64::MIN_POSITIVE)).abs();
+                reference.key != key
+                    && ((least..=most).contains(&load) || distance(load) < distance(reference.load))
+            }
+            _ => load.is_finite(),
+        };
+        if is_better && load.is_finite() {
+            self.screens.nth += 1;
+            self.screens.states = 0;
+            self.screens.reference = Some(Reference {
+                key,
+                load,
+                views: self.views.len(),
+                machine: machine.clone(),
+                tiles,
+            });
+        }
+    }
+
+    /// What machines are compared with; `None` if there is no reference yet.
+    fn screening(&mut self, until: Until) -> Result<Option<Screening>> {
+        let stricter = self.stricter_by_samples();
+        let nth = self.screens.nth;
+        let Some(reference) = &mut self.screens.reference else {
+            return Ok(None);
+        };
+        if reference.tiles.is_empty() {
+            // Its row was written by an earlier process.
+            let elaborated = fixed::elaborate(&reference.machine)?;
+            for view in &self.views {
+                let drawn = drawn(&elaborated, view, &self.options.target)?;
+                reference.tiles.push(drawn.tiles);
+            }
+        }
+        let is_usable = reference.views == self.views.len()
+            && reference.tiles.iter().all(|tiles| !tiles.is_empty());
+        Ok(is_usable.then(|| Screening {
+            reference: reference.tiles.clone(),
+            stricter,
+            nth,
+            until,
+        }))
+    }
+
+    /// Key of a screened machine's row.
+    fn screened_key(&self, key: &str, until: Until) -> Option<String> {
+        let reference = self.screens.reference.as_ref()?;
+        let all = json!([
+            key,
+            reference.key,
+            self.screens.nth,
+            self.stricter_by_samples(),
+            until,
+            self.options.target
+        ]);
+        Some(digest(all.to_string().as_bytes()))
+    }
+
+    /// The factor on the aim for estimates.
+    fn stricter_by_samples(&self) -> f64 {
+        self.stricter * libm::pow(REPAIR, f64::from(self.screens.repair))
+    }
+
+    fn until(&self) -> Until {
+        self.screens.until.unwrap_or(Until::Likely)
+    }
+
+    /// A load by a sample, if the machine can be screened and was not drawn in full.
+    fn screened(&mut self, steps: &[u32]) -> Result<Option<f64>> {
+        if !self.screens() {
+            return Ok(None);
+        }
+        let Some((key, machine, elaborated)) = self.keyed(steps) else {
+            return Ok(None);
+        };
+        let until = self.until();
+        let Some(own) = self.screened_key(&key, until) else {
+            return Ok(None);
+        };
+        if self.screens.in_full.contains(&key) {
+            return Ok(None);
+        }
+        let load = match self.known_load(&own) {
+            Some(load) => load,
+            None => {
+                self.check_time()?;
+                let Some(screening) = self.screening(until)? else {
+                    return Ok(None);
+                };
+                let request = Request {
+                    target: self.options.target,
+                    screening: Some(screening),
+                };
+                let Measurement {
+                    estimate, seconds, ..
+                } = self
+                    .prefetch
+                    .taken(&self.views, &request, (&own, &machine), &elaborated)?;
+                self.spent.screening += seconds;
+                let Some(estimate) = estimate else {
+                    return Ok(None);
+                };
+                let area = Cost::new(&elaborated, &self.options.prices).area;
+                let psnr_db = self.psnr_db_at(estimate.load);
+                let row: Row = vec![
+                    json!(self.next_point()),
+                    json!(own),
+                    json!(self.view_names()),
+                    json!(self.changes(&machine)),
+                    json!(self.method),
+                    Value::Null,
+                    json!(psnr_db.filter(|_| self.options.target.against == Against::Golden)),
+                    Value::Null,
+                    json!(method_psnr_db(&self.views)),
+                    json!(psnr_db.filter(|_| self.options.target.against == Against::Ideal)),
+                    Value::Null,
+                    Value::Null,
+                    json!(area),
+                    json!(seconds),
+                    json!(estimate.tiles),
+                    json!(estimate.load),
+                    json!(estimate.low),
+                    json!(Some(estimate.high).filter(|high| high.is_finite())),
+                ];
+                self.store(own, row)?;
+                self.requested.insert(key);
+                self.report(area, psnr_db);
+                estimate.load
+            }
+        };
+        Ok(Some(load))
+    }
+
+    /// PSNR at a load; `None` if pictures are equal.
+    fn psnr_db_at(&self, load: f64) -> Option<f64> {
+        let wanted = self.options.target.psnr_db.filter(|_| load > 0.0)?;
+        Some(wanted - 10.0 * libm::log10(load / self.stricter_by_samples()))
+    }
+
+    /// A screened machine's load according to its row.
+    fn known_load(&self, key: &str) -> Option<f64> {
+        let row = self.journal.get(*self.known.get(key)?)?;
+        row.get(COLUMNS.len() + 1)?.as_f64()
+    }
+
+    /// A machine that meets the aim when it is drawn in full, from one that meets it by samples.
+    fn met(&mut self, steps: Vec<u32>) -> Result<Vec<u32>> {
+        let mut steps = steps;
+        if !self.screens() {
+            return Ok(steps);
+        }
+        for repair in 0..REPAIRS {
+            let found = self.found(&steps)?;
+            if self.load_of(&found) <= 1.0 {
+                return Ok(steps);
+            }
+            self.screens.repair = repair as u32;
+            let back = self.given_back(&steps);
+            self.screens.repair = 0;
+            steps = back?;
+        }
+        self.screens.is_off = true;
+        let met = descent::given_back(self, &steps);
+        self.screens.is_off = false;
+        met
+    }
+
+    fn until_is<T>(
+        &mut self,
+        until: Until,
+        work: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<T> {
+        let before = self.screens.until.replace(until);
+        let done = work(self);
+        self.screens.until = before;
+        done
+    }
+
+    fn given_back(&mut self, steps: &[u32]) -> Result<Vec<u32>> {
+        self.until_is(Until::Compared, |search| descent::given_back(search, steps))
+    }
+
+    /// Takes steps away until each fails; by samples, in several passes.
+    fn taken_away(&mut self, steps: &[u32]) -> Result<Vec<u32>> {
+        if !self.screens() {
+            return descent::taken_away(self, steps);
+        }
+        let mut steps = steps.to_vec();
+        for _ in 0..PASSES {
+            let down = self.until_is(Until::Rejected, |search| {
+                descent::taken_away(search, &steps)
+            })?;
+            let down = self.met(down)?;
+            if self.area(&down) >= self.area(&steps) {
+                break;
+            }
+            steps = down;
+        }
+        Ok(steps)
     }
 
     /// Squared error of a machine as a part of the allowed squared error.
@@ -885,19 +1422,24 @@ impl<'a> WordSearch<'a> {
     /// Reduces integer bits to those that the views and the cameras around need.
     fn cut(&mut self) -> Result<()> {
         let elaborated = fixed::elaborate(&self.base)?;
-        let mut needed: HashMap<String, i32> = HashMap::new();
+        let mut needed = std::mem::take(&mut self.needed);
         let range = FIRST_RANGE_VIEW..FIRST_RANGE_VIEW + RANGE_VIEWS;
         let around = self.domains.iter().flat_map(|domain| {
             range
                 .clone()
                 .map(|nth| domain.nth(nth).map(|member| Cow::Owned(member.scene)))
         });
-        let all = self
-            .views
+        // Ranges on the base do not change: only new views are measured.
+        let is_first = self.measured == 0;
+        let all = self.views[self.measured..]
             .iter()
             .map(|view| Ok(Cow::Borrowed(&view.scene)))
-            .chain(around);
+            .chain(around.filter(|_| is_first));
         for scene in all {
+            if self.end.is_some_and(|end| Instant::now() >= end) {
+                self.is_over = true;
+                return Err(Error::job("the budget of time is over"));
+            }
             let scene = scene?;
             let Ok(quantised) = quantise(&scene, &self.base) else {
                 continue;
@@ -912,6 +1454,8 @@ impl<'a> WordSearch<'a> {
                 }
             }
         }
+        self.measured = self.views.len();
+        self.needed.clone_from(&needed);
         for (word, bits) in &self.least_int_bits {
             needed
                 .entry(word.clone())
@@ -921,7 +1465,7 @@ impl<'a> WordSearch<'a> {
         self.take_fields();
         let words = machines::words(&self.base)
             .into_iter()
-            .filter(|(path, _)| knobs::is_selected(path, &self.options.only));
+            .filter(|(path, _)| self.selection.has(path));
         let less = |(path, format): (String, Format)| {
             let int_bits = (*needed.get(&path)?).max(2 - format.frac_bits);
             (int_bits < format.int_bits)
@@ -963,9 +1507,8 @@ impl<'a> WordSearch<'a> {
     /// Updates the fields from which steps are taken.
     fn take_fields(&mut self) {
         self.fields = machines::value(&self.cut);
-        let only = &self.options.only;
-        self.knobs = knobs::all(&self.cut, only);
-        self.integers = knobs::integers(&self.cut, only);
+        self.knobs = knobs::all(&self.cut, &self.selection);
+        self.integers = knobs::integers(&self.cut, &self.selection);
         self.areas.clear();
     }
 
@@ -973,63 +1516,150 @@ impl<'a> WordSearch<'a> {
     /// start from the previous round.
     fn round(&mut self, before: Option<&[u32]>, path: &mut Vec<SearchStep>) -> Result<Vec<u32>> {
         let none = vec![0; self.knobs.len()];
-        self.method = "ranges";
+        self.begin("ranges");
         self.cut()?;
         path.push(self.step("integer bits by ranges", &none)?);
         let (well, ill) = match before {
-            Some(before) => (
-                None,
-                before
+            Some(before) => {
+                let steps = before
                     .iter()
                     .zip(&self.knobs)
-                    .map(|(steps, knob)| (*steps).min(knob.most))
-                    .collect(),
-            ),
+                    .map(|(steps, knob)| (*steps).min(knob.most));
+                let steps: Vec<u32> = steps.collect();
+                if self.screens() {
+                    self.found(&steps)?;
+                }
+                (None, steps)
+            }
             None => {
-                self.method = "alone";
+                self.begin("alone");
+                self.find_reference()?;
                 let limits = descent::limits(self)?;
-                let (well, ill) = descent::starts(self, &limits)?;
+                let (mut well, ill) = descent::starts(self, &limits)?;
+                while self.screens() && well.iter().any(|steps| *steps > 0) {
+                    let found = self.found(&well)?;
+                    if self.load_of(&found) <= 1.0 {
+                        break;
+                    }
+                    // It met the target only by a sample.
+                    well.iter_mut()
+                        .for_each(|steps| *steps = steps.saturating_sub(1));
+                }
                 (Some(well), ill)
             }
         };
-        self.method = "min+1";
-        let back = descent::given_back(self, &ill)?;
+        self.begin("min+1");
+        let back = self.given_back(&ill)?;
+        let back = self.met(back)?;
         path.push(self.step("min+1", &back)?);
-        self.method = "max−1";
+        self.begin("max−1");
         let is_back_well = self.load(&back)? <= 1.0;
         let Some(well) = well else {
             // A round for an additional view.
-            let down = descent::taken_away(self, if is_back_well { &back } else { &none })?;
+            let down = self.taken_away(if is_back_well { &back } else { &none })?;
             path.push(self.step("max−1", &down)?);
             return Ok(down);
         };
-        let down = descent::taken_away(self, &well)?;
+        let down = self.taken_away(&well)?;
         path.push(self.step("max−1", &down)?);
         let best = if is_back_well && self.area(&back) < self.area(&down) {
             back
         } else {
             down
         };
-        self.method = "annealing";
+        self.begin("annealing");
         let cold = descent::annealed(self, &best, self.options.seed, self.options.tries)?;
+        let mut cold = self.met(cold)?;
+        if self.area(&cold) > self.area(&best) {
+            cold = best;
+        }
         path.push(self.step("annealing", &cold)?);
-        descent::taken_away(self, &cold)
+        self.taken_away(&cold)
+    }
+
+    fn begin(&mut self, stage: &'static str) {
+        (self.method, self.stage) = (stage, stage);
+    }
+
+    /// Draws a machine near the target in full, as the first reference: all words equally narrower.
+    fn find_reference(&mut self) -> Result<()> {
+        if !self.screens() {
+            return Ok(());
+        }
+        let most: Vec<u32> = self.knobs.iter().map(|knob| knob.most).collect();
+        let narrower =
+            |steps: u32| -> Vec<u32> { most.iter().map(|most| steps.min(*most)).collect() };
+        let [mut well, mut ill] = [0, most.iter().copied().max().unwrap_or(0) + 1];
+        while ill - well > 1 {
+            let middle = u32::midpoint(well, ill);
+            *(if self.load(&narrower(middle))? <= 1.0 {
+                &mut well
+            } else {
+                &mut ill
+            }) = middle;
+        }
+        self.found(&narrower(well)).map(drop)
     }
 
     /// Takes single and joint steps until none is left, including integer bits.
     fn last_steps(&mut self, from: &[u32], path: &mut Vec<SearchStep>) -> Result<Settled> {
-        self.method = "last steps";
+        self.begin("last steps");
         self.is_last = true;
         let from: Vec<u32> = from
             .iter()
             .copied()
             .chain(self.integers.iter().map(|_| 0))
             .collect();
-        let settled = descent::settled(self, &from);
+        let settled = self.settled(from);
         self.is_last = false;
         let settled = settled?;
         path.push(self.step("last steps", &settled.steps)?);
         Ok(settled)
+    }
+
+    /// Settles by samples first, then exactly.
+    fn settled(&mut self, mut from: Vec<u32>) -> Result<Settled> {
+        if self.screens() {
+            let likely = descent::settled(self, &from)?.steps;
+            from = self.met(likely)?;
+        }
+        self.settled_exactly(&from)
+    }
+
+    fn settled_exactly(&mut self, from: &[u32]) -> Result<Settled> {
+        self.until_is(Until::Sure, |search| descent::settled(search, from))
+    }
+
+    /// Draws each single step in full that a sample rejected; takes those that meet the aim
+    /// nevertheless. Returns `None` if there is none.
+    fn settled_again(
+        &mut self,
+        steps: &[u32],
+        path: &mut Vec<SearchStep>,
+    ) -> Result<Option<Settled>> {
+        if !self.screens() {
+            return Ok(None);
+        }
+        let area = self.area(steps).unwrap_or(f64::INFINITY);
+        let most: Vec<u32> = self.all_knobs().map(|knob| knob.most).collect();
+        let mut is_open = false;
+        for knob in (0..most.len()).filter(|knob| steps[*knob] < most[*knob]) {
+            let mut next = steps.to_vec();
+            next[knob] += 1;
+            if self.area(&next).is_some_and(|after| after <= area) {
+                let found = self.found(&next)?;
+                is_open |= self.load_of(&found) <= 1.0;
+            }
+        }
+        if !is_open {
+            return Ok(None);
+        }
+        self.is_last = true;
+        let settled = self.settled_exactly(steps);
+        self.is_last = false;
+        let settled = settled?;
+        path.push(self.step("last steps", &settled.steps)?);
+        Ok(Some(settled))
     }
 
     /// Gives integer bits back to words that saturate on failing views, if that improves the views.
@@ -1081,8 +1711,10 @@ impl<'a> WordSearch<'a> {
         let Some(built) = built.filter(|_| wider != now) else {
             return Ok((false, load));
         };
-        let found =
-            found_on(views, |view| drawn(&built, view, &self.options.target)).unwrap_or(UNUSABLE);
+        let found = found_on(views, |view| {
+            Ok(drawn(&built, view, &self.options.target)?.found)
+        })
+        .unwrap_or(UNUSABLE);
         let then = self.options.target.load(&found);
         // Also if a load is NaN.
         if then.partial_cmp(&load) != Some(Ordering::Less) {
@@ -1099,22 +1731,31 @@ impl<'a> WordSearch<'a> {
 
     /// Errors of a machine on each searched view.
     fn drawn_again(&self, steps: &[u32]) -> Result<Vec<SearchErrors>> {
-        let machine = self.machine(steps).unwrap_or_else(|| self.base.clone());
-        let elaborated = fixed::elaborate(&machine)?;
+        self.drawn_on_views(&self.machine(steps).unwrap_or_else(|| self.base.clone()))
+    }
+
+    fn drawn_on_views(&self, machine: &Machine) -> Result<Vec<SearchErrors>> {
+        let elaborated = fixed::elaborate(machine)?;
         self.views
             .iter()
-            .map(|view| drawn(&elaborated, view, &self.options.target))
+            .map(|view| Ok(drawn(&elaborated, view, &self.options.target)?.found))
             .collect()
     }
 
     /// Cost of the unseen views; `areas` are those for the target only, and of the final machine.
-    fn margin(&self, steps: &[u32], on_first: &[SearchErrors], [alone, found]: [f64; 2]) -> Margin {
+    fn margin(&self, steps: &[u32], on_first: &[SearchErrors], areas: [f64; 2]) -> Margin {
+        let machine = self.machine(steps).unwrap_or_else(|| self.base.clone());
+        self.margin_of(&machine, on_first, areas)
+    }
+
+    fn margin_of(
+        &self,
+        machine: &Machine,
+        on_first: &[SearchErrors],
+        [alone, found]: [f64; 2],
+    ) -> Margin {
         let target = &self.options.target;
-        let formats: HashMap<String, Format> = self
-            .machine(steps)
-            .iter()
-            .flat_map(machines::words)
-            .collect();
+        let formats: HashMap<String, Format> = machines::words(machine).into_iter().collect();
         // The last steps may have removed some of them again.
         let is_kept = |(word, bits): &(&String, &i32)| {
             formats
@@ -1140,7 +1781,13 @@ impl<'a> WordSearch<'a> {
     }
 
     /// Draws the next unseen views; returns their errors and the worst that fails.
-    fn verified(&mut self, steps: &[u32], next: &mut usize) -> Result<Verdict> {
+    fn verified(
+        &mut self,
+        steps: &[u32],
+        next: &mut usize,
+        stage: &'static str,
+    ) -> Result<Verdict> {
+        self.stage = stage;
         let from = *next;
         *next += self.options.views;
         let Some(machine) = self.machine(steps) else {
@@ -1150,10 +1797,12 @@ impl<'a> WordSearch<'a> {
         let target = &self.options.target;
         let mut held: Vec<Unseen> = Vec::new();
         let mut taken: Vec<(usize, Camera)> = Vec::new();
-        let mut worst: Option<(f64, (SearchErrors, Vec<View>))> = None;
+        let mut worst: Option<(f64, Vec<Option<Drawn>>, Vec<View>)> = None;
+        let mut pictures: Vec<(usize, usize, usize, Option<Picture>)> = Vec::new();
         for (of, domain) in self.domains.iter().enumerate() {
             for nth in from..from + self.options.views {
                 let member = domain.nth(nth)?;
+                self.check_time()?;
                 let (name, camera) = (member.name.clone(), member.scene.camera);
                 let searched = self.views.iter().map(|view| (view.of, view.scene.camera));
                 // A short list of cameras repeats.
@@ -1163,15 +1812,22 @@ impl<'a> WordSearch<'a> {
                 {
                     continue;
                 }
-                let views: Vec<View> = member
-                    .and_nearby(self.options.robust)
-                    .into_iter()
-                    .map(|member| View::new(of, member, &machine))
-                    .collect();
-                let each: Vec<SearchErrors> = views
+                // The picture of `ideal` is drawn only if its figures are reported.
+                let view = |member: Member| match target.against {
+                    Against::Golden => View::new(of, member, &machine),
+                    Against::Ideal => View::new(of, member, &machine).with_ideal(),
+                };
+                let (views, seconds) = timed(|| -> Vec<View> {
+                    let near = member.and_nearby(self.options.robust);
+                    near.into_iter().map(view).collect()
+                });
+                self.spent.exact += seconds;
+                let mut all: Vec<Option<Drawn>> = views
                     .iter()
-                    .map(|view| drawn(&elaborated, view, target).unwrap_or(UNUSABLE))
+                    .map(|view| drawn(&elaborated, view, target).ok())
                     .collect();
+                let errors = |drawn: &Option<Drawn>| drawn.as_ref().map_or(UNUSABLE, |d| d.found);
+                let each: Vec<SearchErrors> = all.iter().map(errors).collect();
                 let found = worst_of(&each);
                 let load = target.load(&found);
                 self.progress
@@ -1187,23 +1843,40 @@ impl<'a> WordSearch<'a> {
                     camera,
                     found: each[decides],
                 });
-                if load > 1.0 && worst.as_ref().is_none_or(|(most, _)| load > *most) {
-                    worst = Some((load, (found, views)));
+                if load > 1.0 && worst.as_ref().is_none_or(|(most, ..)| load > *most) {
+                    worst = Some((load, all, views));
+                } else {
+                    let picture = all.swap_remove(decides).map(|drawn| drawn.picture);
+                    pictures.push((of, nth, decides, picture));
                 }
             }
         }
-        Ok((held, worst.map(|(_, failed)| failed)))
+        if let Some((_, all, views)) = worst {
+            let views: Vec<View> = views.into_iter().map(View::with_ideal).collect();
+            let compared = |(drawn, view): (Option<Drawn>, &View)| {
+                let drawn = drawn.and_then(|drawn| drawn.compared(view, target).ok());
+                drawn.map_or(UNUSABLE, |drawn| drawn.found)
+            };
+            let found: Vec<SearchErrors> = all.into_iter().zip(&views).map(compared).collect();
+            return Ok((held, Some((worst_of(&found), views))));
+        }
+        let is_missing = target.against == Against::Golden;
+        for (unseen, (of, nth, decides, picture)) in held.iter_mut().zip(pictures) {
+            let Some(picture) = picture.filter(|_| is_missing) else {
+                continue;
+            };
+            let near = self.domains[of].nth(nth)?.and_nearby(self.options.robust);
+            let (ideal, seconds) = timed(|| golden::ideal(&near[decides].scene).picture);
+            self.spent.exact += seconds;
+            let whole = distance(&picture, &ideal);
+            unseen.found.fixed_vs_ideal_psnr_db = whole.psnr_db;
+            unseen.found.fixed_vs_ideal_max_error = whole.max_error;
+        }
+        Ok((held, None))
     }
 
-    fn outcome(
-        &mut self,
-        scenes: Vec<String>,
-        path: Vec<SearchStep>,
-        views: Vec<Unseen>,
-        learnt: Vec<String>,
-        steps: &[u32],
-        (margin, claims, checked): (Margin, Vec<Claim>, CheckedSteps),
-    ) -> Result<SearchOutcome> {
+    /// Words and sizes that are critical for the target.
+    fn critical(&mut self, steps: &[u32]) -> Result<Vec<CriticalWord>> {
         let mut tight = Vec::new();
         let lesser = |knob: usize| {
             let mut next = steps.to_vec();
@@ -1234,6 +1907,18 @@ impl<'a> WordSearch<'a> {
         }
         let worth = |tight: &CriticalWord| tight.psnr_db.unwrap_or(f64::INFINITY);
         tight.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
+        Ok(tight)
+    }
+
+    fn outcome(
+        &self,
+        scenes: Vec<String>,
+        (path, learnt): (Vec<SearchStep>, Vec<String>),
+        views: Vec<Unseen>,
+        tight: Vec<CriticalWord>,
+        machine: Machine,
+        (margin, claims, checked): (Margin, Vec<Claim>, CheckedSteps),
+    ) -> SearchOutcome {
         let aim = match (self.options.target.psnr_db, self.options.target.max_error) {
             (Some(db), _) => format!("{db}dB"),
             (None, most) => format!("{}", most.unwrap_or(0.0)),
@@ -1248,10 +1933,7 @@ impl<'a> WordSearch<'a> {
         let mut stems: Vec<String> = self.domains.iter().map(stem).collect();
         stems.dedup();
         let name = format!("{}-{aim}", stems.join("-"));
-        let machine = Machine {
-            name,
-            ..self.machine(steps).unwrap_or_else(|| self.base.clone())
-        };
+        let machine = Machine { name, ..machine };
         let (target, base) = (self.options.target, self.base.name.clone());
         let cameras = self
             .views
@@ -1265,7 +1947,7 @@ impl<'a> WordSearch<'a> {
             target,
             scenes: self.scene_records(&views),
         };
-        Ok(SearchOutcome {
+        SearchOutcome {
             scenes,
             target,
             base,
@@ -1277,10 +1959,132 @@ impl<'a> WordSearch<'a> {
             claims,
             margin,
             checked,
+            unused: self.selection.left_out(&self.base),
+            stopped: None,
             machine,
             searched,
             files: Vec::new(),
+        }
+    }
+
+    /// The outcome of a search whose time is over: the best machine so far that was drawn in full on
+    /// the searched views.
+    fn stopped(&mut self, so_far: SoFar, scenes: Vec<String>) -> Result<SearchOutcome> {
+        // The rest takes one drawing per view.
+        self.end = None;
+        let (machine, area) = match self.best.take() {
+            Some(best) => best,
+            None => (
+                self.base.clone(),
+                self.area_of(&self.base).unwrap_or(f64::INFINITY),
+            ),
+        };
+        let searched = self.drawn_on_views(&machine)?;
+        let SoFar {
+            first_views,
+            mut path,
+            learnt,
+            target_alone_area,
+        } = so_far;
+        path.push(SearchStep {
+            method: "best so far".into(),
+            area,
+            found: worst_of(&searched),
+            drawn: self.requested.len() as u64,
+        });
+        let alone = target_alone_area.unwrap_or(area);
+        let margin = self.margin_of(&machine, &searched[..first_views], [alone, area]);
+        let claims = self.claims(&searched, &[]);
+        let stages = match self.round {
+            0 | 1 => STAGES.to_vec(),
+            _ => LATER_STAGES.to_vec(),
+        };
+        let at = stages.iter().position(|stage| *stage == self.stage);
+        let stopped = Stopped {
+            budget_seconds: self
+                .options
+                .budget
+                .map_or(0.0, |budget| budget.as_secs_f64()),
+            round: self.round.max(1),
+            stage: self.stage.into(),
+            not_tried: stages[at.map_or(0, |at| at + 1)..]
+                .iter()
+                .map(|stage| (*stage).to_owned())
+                .collect(),
+        };
+        let outcome = self.outcome(
+            scenes,
+            (path, learnt),
+            Vec::new(),
+            Vec::new(),
+            machine,
+            (margin, claims, CheckedSteps::default()),
+        );
+        Ok(SearchOutcome {
+            stopped: Some(stopped),
+            ..outcome
         })
+    }
+
+    /// Fails if the time of the budget is over.
+    fn check_time(&mut self) -> Result<()> {
+        if self.end.is_some_and(|end| Instant::now() >= end) {
+            self.is_over = true;
+            return Err(Error::job("the budget of time is over"));
+        }
+        Ok(())
+    }
+
+    /// Machines that the first round is expected to try: about twice the bits of every word and size
+    /// by bisection, and each word a few times in the other stages.
+    fn expected(&self) -> u64 {
+        let halvings: u32 = self
+            .knobs
+            .iter()
+            .map(|knob| (knob.most + 1).ilog2() + 1)
+            .sum();
+        let knobs = self.knobs.len() as u64;
+        u64::from(halvings) + 6 * knobs + self.options.tries + 3 * self.integers.len() as u64
+    }
+
+    fn forecast(&self) {
+        let per_view = 3 * self.knobs.len() as u64;
+        self.progress.note(&format!(
+            "about {} machines in the first round; about {} more per unseen view that fails",
+            thousands(self.expected()),
+            thousands(per_view)
+        ));
+    }
+
+    /// Prints how long the first round will take, once a few machines were tried.
+    fn forecast_time(&mut self) {
+        if self.requested.len() == FORECAST_AFTER {
+            let each = self.start.elapsed().as_secs_f64() / FORECAST_AFTER as f64;
+            self.progress.note(&format!(
+                "{FORECAST_AFTER} machines took {}; the first round takes about {}",
+                duration(self.start.elapsed().as_secs_f64()),
+                duration(each * self.expected() as f64)
+            ));
+        }
+    }
+
+    fn report_spent(&self) {
+        let Spent {
+            drawing,
+            screening,
+            comparing,
+            exact,
+        } = self.spent;
+        let other = self.start.elapsed().as_secs_f64() - drawing - screening - comparing - exact;
+        self.progress.note(&format!(
+            "time: {} for drawings in full, {} for samples, {} for comparisons, {} for exact pictures \
+             of unseen views, {} for the rest",
+            duration(drawing),
+            duration(screening),
+            duration(comparing),
+            duration(exact),
+            duration(other.max(0.0))
+        ));
     }
 
     /// Views that decided the search: the searched ones, then the unseen ones.
@@ -1393,17 +2197,37 @@ impl Problem for WordSearch<'_> {
     }
 
     fn load(&mut self, steps: &[u32]) -> Result<f64> {
+        if let Some(load) = self.screened(steps)? {
+            return Ok(load);
+        }
         let found = self.found(steps)?;
         Ok(self.load_of(&found))
     }
 
     fn load_without_margin(&mut self, steps: &[u32]) -> Result<f64> {
+        if let Some(load) = self.screened(steps)? {
+            return Ok(load / self.stricter_by_samples());
+        }
         let found = self.found(steps)?;
         Ok(if found == UNUSABLE {
             f64::INFINITY
         } else {
             self.options.target.load(&found)
         })
+    }
+
+    fn took(&mut self, steps: &[u32]) -> Result<Option<f64>> {
+        if !self.screens() {
+            return Ok(None);
+        }
+        self.screens.states += 1;
+        // The last steps end in the machine that is reported: a sample only rejects there.
+        if self.screens.states < STATES_PER_REFERENCE && self.until() != Until::Sure {
+            return Ok(None);
+        }
+        self.screens.states = 0;
+        let found = self.found(steps)?;
+        Ok(Some(self.load_of(&found)))
     }
 
     fn width(&self) -> usize {
@@ -1414,28 +2238,49 @@ impl Problem for WordSearch<'_> {
         if self.width() == 1 {
             return Ok(());
         }
+        let until = self.until();
+        let screening = match self.screens() {
+            true => self.screening(until)?,
+            false => None,
+        };
+        let is_screened = screening.is_some();
         let mut machines: Vec<(String, Machine)> = Vec::new();
         for (key, machine, _) in steps.iter().filter_map(|steps| self.keyed(steps)) {
+            if self.screens.in_full.contains(&key) {
+                continue;
+            }
+            let key = match self.screened_key(&key, until) {
+                Some(own) if is_screened => own,
+                _ => key,
+            };
             if !self.known.contains_key(&key) && !machines.iter().any(|(other, _)| *other == key) {
                 machines.push((key, machine));
             }
         }
-        self.prefetch
-            .measure(&self.views, &self.options.target, &machines)
+        let request = Request {
+            target: self.options.target,
+            screening,
+        };
+        self.prefetch.measure(&self.views, &request, &machines)
     }
 
     fn prefetched(&self, steps: &[u32]) -> Option<f64> {
         let Some((key, ..)) = self.keyed(steps) else {
             return Some(f64::INFINITY);
         };
-        let measured = || {
-            self.prefetch
-                .get(&key)
-                .map(|measured| measured.found.clone().unwrap_or(UNUSABLE))
+        let measured = |key: &str| {
+            let measured = self.prefetch.get(key)?.found.as_ref()?;
+            Some(self.load_of(&measured.clone().unwrap_or(UNUSABLE)))
         };
-        self.known(&key)
-            .or_else(measured)
-            .map(|found| self.load_of(&found))
+        if self.screens()
+            && !self.screens.in_full.contains(&key)
+            && let Some(own) = self.screened_key(&key, self.until())
+        {
+            let estimate = || Some(self.prefetch.get(&own)?.estimate?.load);
+            return self.known_load(&own).or_else(estimate);
+        }
+        let known = self.known(&key).map(|found| self.load_of(&found));
+        known.or_else(|| measured(&key))
     }
 }
 
@@ -1449,8 +2294,33 @@ const UNUSABLE: SearchErrors = SearchErrors {
     lockstep: None,
 };
 
+/// A view that was drawn and compared.
+struct Drawn {
+    found: SearchErrors,
+    /// Squared error per tile.
+    tiles: Vec<f64>,
+    picture: Picture,
+    saturated: Option<u64>,
+    lockstep: Option<InLockstep>,
+    /// Seconds for comparisons.
+    comparing: f64,
+}
+
+impl Drawn {
+    /// Compares again, if the view has its ideal picture only now.
+    fn compared(self, view: &View, target: &Target) -> Result<Drawn> {
+        let Drawn {
+            picture,
+            saturated,
+            lockstep,
+            ..
+        } = self;
+        compared(picture, view, target, saturated, lockstep)
+    }
+}
+
 /// Draws a view and compares.
-fn drawn(elaborated: &Elaborated, view: &View, target: &Target) -> Result<SearchErrors> {
+fn drawn(elaborated: &Elaborated, view: &View, target: &Target) -> Result<Drawn> {
     let evaluation = Evaluation::on(&view.scene, elaborated)?;
     let (picture, saturated) = if target.no_saturation {
         let observed = evaluation.observe();
@@ -1459,28 +2329,58 @@ fn drawn(elaborated: &Elaborated, view: &View, target: &Target) -> Result<Search
     } else {
         (evaluation.picture(&evaluation.draw()), None)
     };
-    let [apart, whole] = [&view.golden, &view.ideal].map(|other| distance(&picture, other));
     let led = (target.metric == Metric::Lockstep).then(|| evaluation.lockstep().summary(&picture));
-    let not_finite = apart
-        .not_finite
-        .max(whole.not_finite)
-        .max(led.map_or(0, |led| led.not_finite));
-    if not_finite > 0 {
-        return Err(Error::job(format!(
-            "{}: {not_finite} pixels have no finite number, and meet no target",
-            view.name
-        )));
+    if led.is_some_and(|led| led.not_finite > 0) {
+        return Err(not_finite(view, led.map_or(0, |led| led.not_finite)));
     }
-    Ok(SearchErrors {
-        psnr_db: apart.psnr_db,
-        max_error: apart.max_error,
-        fixed_vs_ideal_psnr_db: whole.psnr_db,
-        fixed_vs_ideal_max_error: whole.max_error,
+    let lockstep = led.map(|led| InLockstep {
+        psnr_db: led.psnr_db,
+        max_error: led.max_error,
+    });
+    compared(picture, view, target, saturated, lockstep)
+}
+
+fn not_finite(view: &View, pixels: u64) -> Error {
+    Error::job(format!(
+        "{}: {pixels} pixels have no finite number, and meet no target",
+        view.name
+    ))
+}
+
+fn compared(
+    picture: Picture,
+    view: &View,
+    target: &Target,
+    saturated: Option<u64>,
+    lockstep: Option<InLockstep>,
+) -> Result<Drawn> {
+    let ((apart, whole, tiles), comparing) = timed(|| {
+        (
+            distance(&picture, &view.golden),
+            view.ideal.as_ref().map(|ideal| distance(&picture, ideal)),
+            screen::tile_errors(view, &picture, target),
+        )
+    });
+    let pixels = apart
+        .not_finite
+        .max(whole.map_or(0, |whole| whole.not_finite));
+    if pixels > 0 {
+        return Err(not_finite(view, pixels));
+    }
+    Ok(Drawn {
+        found: SearchErrors {
+            psnr_db: apart.psnr_db,
+            max_error: apart.max_error,
+            fixed_vs_ideal_psnr_db: whole.and_then(|whole| whole.psnr_db),
+            fixed_vs_ideal_max_error: whole.map_or(0.0, |whole| whole.max_error),
+            saturated,
+            lockstep,
+        },
+        tiles,
+        picture,
         saturated,
-        lockstep: led.map(|led| InLockstep {
-            psnr_db: led.psnr_db,
-            max_error: led.max_error,
-        }),
+        lockstep,
+        comparing,
     })
 }
 
@@ -1513,6 +2413,25 @@ fn differences(base: &Value, now: &Value, path: &str, changes: &mut Vec<String>)
 
 /// Most critical words in the summary.
 const MOST_CRITICAL: usize = 8;
+
+impl Stopped {
+    fn text(&self) -> String {
+        let Stopped {
+            budget_seconds,
+            round,
+            stage,
+            not_tried,
+        } = self;
+        let mut text = format!(
+            "the budget of {} ended in round {round}, during {stage}: the machine is the best so far that was drawn in full",
+            duration(*budget_seconds)
+        );
+        if !not_tried.is_empty() {
+            let _ = write!(text, "; not tried: {}", not_tried.join(", "));
+        }
+        text
+    }
+}
 
 impl SearchOutcome {
     /// Steps and result, at most 80 columns wide.
@@ -1589,10 +2508,22 @@ impl SearchOutcome {
             count => format!("holds on {count} unseen views{worst}"),
         };
         let _ = write!(text, "\n{}", wrapped(&views));
+        if !self.unused.is_empty() {
+            let unused = format!(
+                "no searched scene uses {}: its words and sizes were left as they are",
+                self.unused.join(", ")
+            );
+            let _ = write!(text, "\n{}", wrapped(&unused));
+        }
+        if let Some(stopped) = &self.stopped {
+            let _ = write!(text, "\n{}", wrapped(&stopped.text()));
+        }
         for sentence in self.margin_text() {
             let _ = write!(text, "\n{}", wrapped(&sentence));
         }
-        let _ = write!(text, "\n{}", wrapped(&self.checked_text()));
+        if self.stopped.is_none() {
+            let _ = write!(text, "\n{}", wrapped(&self.checked_text()));
+        }
         let tight = self.tight.iter().take(MOST_CRITICAL).map(|tight| {
             let value = tight
                 .value
@@ -1643,6 +2574,9 @@ impl SearchOutcome {
             area,
             widened,
         } = &self.margin;
+        if self.stopped.is_some() {
+            return Vec::new();
+        }
         if self.learnt.is_empty() {
             return vec!["no unseen view failed, so no area was added for unseen views".into()];
         }

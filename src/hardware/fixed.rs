@@ -30,6 +30,12 @@ pub fn draw(machine: &Elaborated, quantised: &Quantised) -> Drawing {
     pipeline::draw_unobserved(machine, &quantised.frame)
 }
 
+/// Draws some tiles of 16×16 pixels without a probe: those for which `tiles`, by rows, is true. The
+/// others keep the background.
+pub fn draw_tiles(machine: &Elaborated, quantised: &Quantised, tiles: &[bool]) -> Drawing {
+    pipeline::draw_tiles(machine, &quantised.frame, tiles)
+}
+
 /// Draws once, measures the range of every signal and records the work.
 pub fn draw_measured(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges, Work) {
     let (drawing, ranges, mut work) = pipeline::draw_measured(machine, &quantised.frame);

@@ -12,7 +12,7 @@ use crate::output::text::listed;
 use crate::scene::tree::cut::{self, Budget, DrawOrder};
 use crate::scene::{
     Amplitude, Ellipsoids, Filter, Harmonics, Light, MachineHarmonics, Material, Mirror,
-    Orientation, Scene, Sheet, Splat, View,
+    Orientation, Scene, Sheet, Sheets, Splat, View,
 };
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -24,6 +24,7 @@ use rtl_model::real::power_of_two;
 use rtl_model::work::{Found, TILE_PX, Visit, Work};
 use schemars::JsonSchema;
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Scale from world units to machine units: `machine = (world − offset) · 2^exponent`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
@@ -97,12 +98,107 @@ impl TreeWalk {
     }
 }
 
+/// Some splats of a scene. They get the words that they have in the whole scene.
+#[derive(Clone, Debug)]
+pub struct Part {
+    extents: Extents,
+    splats: Vec<u32>,
+    least: u32,
+}
+
+impl Part {
+    /// No splat yet of a scene.
+    pub fn of(scene: &Scene) -> Self {
+        Part {
+            extents: Extents::of(scene, &scene.view()),
+            splats: Vec::new(),
+            least: scene.splats.len().min(2) as u32,
+        }
+    }
+
+    /// The part with these splats, in any order. It has at least two splats if the scene does: axes
+    /// of a single splat would be those of the whole frame.
+    pub fn with(&self, mut splats: Vec<u32>) -> Self {
+        if splats.len() < 2 {
+            splats.extend(0..self.least);
+        }
+        splats.sort_unstable();
+        splats.dedup();
+        Part { splats, ..*self }
+    }
+
+    /// Items of these splats; each splat has `stride` of them.
+    fn of_items<T: Clone>(&self, items: &[T], stride: usize) -> Vec<T> {
+        let own = self.splats.iter().map(|splat| *splat as usize * stride);
+        own.flat_map(|first| &items[first..first + stride])
+            .cloned()
+            .collect()
+    }
+
+    /// The scene with these splats only.
+    fn cut(&self, scene: &Scene) -> Scene {
+        let ellipsoids = |whole: &Ellipsoids| Ellipsoids {
+            orientations: match whole.orientations.len() {
+                1 => whole.orientations.clone(),
+                _ => self.of_items(&whole.orientations, 1),
+            },
+            amplitude: whole.amplitude,
+            preshaded: whole.preshaded,
+            sorted: whole.sorted,
+            harmonics: whole.harmonics.as_ref().map(|harmonics| Harmonics {
+                coefficients: Arc::new(self.of_items(
+                    &harmonics.coefficients,
+                    (usize::from(harmonics.degree) + 1).pow(2),
+                )),
+                ..*harmonics
+            }),
+        };
+        let sheets = |whole: &Sheets| Sheets {
+            of: match &whole.of {
+                Sheet::Slice(numbers) => Sheet::Slice(self.of_items(numbers, 1)),
+                Sheet::Splat => Sheet::Splat,
+            },
+            ..*whole
+        };
+        Scene {
+            name: scene.name.clone(),
+            splats: self.of_items(&scene.splats, 1),
+            ellipsoids: scene.ellipsoids.as_ref().map(ellipsoids),
+            sheets: scene.sheets.as_ref().map(sheets),
+            lights: scene.lights.clone(),
+            materials: scene.materials.clone(),
+            environment: scene.environment.clone(),
+            detail: None,
+            notes: Vec::new(),
+            ..*scene
+        }
+    }
+}
+
+/// Quantises a part of a scene for a machine. A scene with a tree of splats has no parts.
+///
+/// # Errors
+/// As [`quantise`].
+pub fn quantise_part(scene: &Scene, part: &Part, machine: &Machine) -> Result<Quantised> {
+    quantise_scaled(&part.cut(scene), part.extents, machine)
+}
+
 /// Quantises a scene for a machine.
 ///
 /// # Errors
 /// [`Error::Input`] where registers cannot hold constants of the scene, with every such register
 /// and a format that would hold them.
 pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
+    // The scale covers every leaf, drawn or not.
+    let all = scene.full().map(|full| Scene {
+        splats: [full.splats, scene.splats.clone()].concat(),
+        ..full
+    });
+    let extents = Extents::of(all.as_ref().unwrap_or(scene), &scene.view());
+    quantise_scaled(scene, extents, machine)
+}
+
+fn quantise_scaled(scene: &Scene, extents: Extents, machine: &Machine) -> Result<Quantised> {
     if scene.kernel.filter != Filter::Ewa {
         let filter = if scene.kernel.filter == Filter::Circular {
             "circular"
@@ -117,12 +213,7 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         )));
     }
     let view = scene.view();
-    // The scale covers every leaf, drawn or not.
-    let all = scene.full().map(|full| Scene {
-        splats: [full.splats, scene.splats.clone()].concat(),
-        ..full
-    });
-    let scale = fit_scale(all.as_ref().unwrap_or(scene), &view, machine);
+    let scale = extents.scale(scene, machine);
     let mut registers = RegisterLoader {
         machine,
         errors: Vec::new(),
@@ -189,54 +280,67 @@ pub fn lacks_tile_bits(machine: &Machine, size: [usize; 2]) -> Option<String> {
     })
 }
 
-/// The greatest power of two with which every value is in range, around the middle of the splats.
-fn fit_scale(scene: &Scene, view: &View, machine: &Machine) -> Scale {
-    let (low, high) = scene.splats.iter().fold(
-        (DVec3::INFINITY, DVec3::NEG_INFINITY),
-        |(low, high), splat| (low.min(splat.position), high.max(splat.position)),
-    );
-    let offset = if scene.splats.is_empty() {
-        view.eye
-    } else {
-        low + (high - low) / 2.0
-    };
-    let root_cutoff = scene.kernel.cutoff.sqrt();
-    let mut need = Extents::default();
-    for splat in &scene.splats {
-        let depth = (view.rotation * (splat.position - view.eye)).z;
-        need.position = need
-            .position
-            .max((splat.position - offset).abs().max_element());
-        need.radius = need.radius.max(splat.radius);
-        need.depth = need.depth.max(depth + splat.radius * root_cutoff);
-    }
-    let eye = (view.eye - offset).abs().max_element();
-    let limits = [
-        (machine.splat.position, need.position),
-        (machine.splat.radius, need.radius),
-        (machine.ellipse.depth_range, need.radius * root_cutoff),
-        (machine.project.eye, eye),
-        (machine.project.depth, need.depth),
-        (machine.fragment.depth, need.depth),
-        (machine.fragment.depth, scene.surface.z_threshold),
-    ];
-    let exponent = limits
-        .into_iter()
-        .filter(|(_, needed)| *needed > 0.0)
-        .map(|(word, needed)| places_to_spare(word, needed))
-        .min();
-    Scale {
-        exponent: exponent.unwrap_or(0).clamp(-900, 900),
-        offset: offset.to_array(),
-    }
-}
-
-/// Greatest magnitudes in world units.
-#[derive(Default)]
+/// Greatest magnitudes in world units, around the middle of the splats.
+#[derive(Clone, Copy, Debug, Default)]
 struct Extents {
+    offset: DVec3,
     position: f64,
     radius: f64,
     depth: f64,
+    eye: f64,
+    root_cutoff: f64,
+}
+
+impl Extents {
+    fn of(scene: &Scene, view: &View) -> Self {
+        let (low, high) = scene.splats.iter().fold(
+            (DVec3::INFINITY, DVec3::NEG_INFINITY),
+            |(low, high), splat| (low.min(splat.position), high.max(splat.position)),
+        );
+        let offset = if scene.splats.is_empty() {
+            view.eye
+        } else {
+            low + (high - low) / 2.0
+        };
+        let mut need = Extents {
+            offset,
+            eye: (view.eye - offset).abs().max_element(),
+            root_cutoff: scene.kernel.cutoff.sqrt(),
+            ..Extents::default()
+        };
+        for splat in &scene.splats {
+            let depth = (view.rotation * (splat.position - view.eye)).z;
+            need.position = need
+                .position
+                .max((splat.position - offset).abs().max_element());
+            need.radius = need.radius.max(splat.radius);
+            need.depth = need.depth.max(depth + splat.radius * need.root_cutoff);
+        }
+        need
+    }
+
+    /// The greatest power of two with which every value is in range.
+    fn scale(&self, scene: &Scene, machine: &Machine) -> Scale {
+        let need = self;
+        let limits = [
+            (machine.splat.position, need.position),
+            (machine.splat.radius, need.radius),
+            (machine.ellipse.depth_range, need.radius * need.root_cutoff),
+            (machine.project.eye, need.eye),
+            (machine.project.depth, need.depth),
+            (machine.fragment.depth, need.depth),
+            (machine.fragment.depth, scene.surface.z_threshold),
+        ];
+        let exponent = limits
+            .into_iter()
+            .filter(|(_, needed)| *needed > 0.0)
+            .map(|(word, needed)| places_to_spare(word, needed))
+            .min();
+        Scale {
+            exponent: exponent.unwrap_or(0).clamp(-900, 900),
+            offset: need.offset.to_array(),
+        }
+    }
 }
 
 /// Greatest exponent at which `needed · 2^exponent` rounds into the word.

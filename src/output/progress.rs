@@ -172,6 +172,13 @@ impl Progress {
         self.state.done.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Prints a line that stays, such as a forecast.
+    pub fn note(&self, line: &str) {
+        if self.ticker.is_some() {
+            eprintln!("{line}");
+        }
+    }
+
     /// Sets the message about the current step.
     pub fn set_message(&self, message: String) {
         *self

@@ -113,6 +113,8 @@ pub(crate) fn search(
             tries,
             only,
             prices,
+            screen: true,
+            budget: None,
             progress: false,
         };
         let scenes: Vec<_> = scenes.iter().map(|scene| (**scene).clone()).collect();

@@ -31,6 +31,16 @@ pub fn fill<P: Probe>(
     setup: &Setup,
     probe: &mut P,
 ) -> Drawing {
+    fill_tiles(machine, frame, (setup, None), probe)
+}
+
+/// [`fill`] of some tiles, given by whether each is drawn, by rows; the others keep the background.
+pub(super) fn fill_tiles<P: Probe>(
+    machine: &Elaborated,
+    frame: &Frame,
+    setup: (&Setup, Option<&[bool]>),
+    probe: &mut P,
+) -> Drawing {
     let (true, Some(host)) = (P::QUICK, Vectorised::detect()) else {
         return fill_as::<false, i64, P, _>(Unvectorised, machine, frame, setup, probe);
     };
@@ -51,7 +61,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
     host: H,
     machine: &Elaborated,
     frame: &Frame,
-    setup: &Setup,
+    (setup, drawn): (&Setup, Option<&[bool]>),
     probe: &mut P,
 ) -> Drawing {
     let highlights = machine.shade.highlights(&frame.lighting);
@@ -80,7 +90,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
         && lights.surroundings.is_none();
     let bins = bins(frame, setup);
     let touched: Vec<usize> = (0..bins.tiles())
-        .filter(|&tile| !bins.of(tile).is_empty())
+        .filter(|&tile| drawn.is_none_or(|drawn| drawn[tile]) && !bins.of(tile).is_empty())
         .collect();
     // One tile's fragments and one probe per run of tiles that a thread takes.
     let clusters = || windows.as_ref().map(|_| Clusters::default());

@@ -88,6 +88,16 @@ pub fn draw_unobserved(machine: &Elaborated, frame: &Frame) -> Drawing {
     fill_unobserved(machine, frame, &set_up_unobserved(machine, frame))
 }
 
+/// Draws some tiles of a frame with no probe; the other tiles keep the background. `tiles` states for
+/// each tile of [`crate::work::TILE_PX`] pixels whether it is drawn, by rows.
+///
+/// # Panics
+/// If `tiles` has fewer items than the frame has tiles.
+pub fn draw_tiles(machine: &Elaborated, frame: &Frame, tiles: &[bool]) -> Drawing {
+    let setup = set_up_unobserved(machine, frame);
+    fill::fill_tiles(machine, frame, (&setup, Some(tiles)), &mut NoProbe)
+}
+
 /// [`set_up`] with no probe.
 pub fn set_up_unobserved(machine: &Elaborated, frame: &Frame) -> Setup {
     set_up(machine, frame, &mut NoProbe)

@@ -104,6 +104,13 @@ impl Setup {
         self.blocks.iter().map(Vec::len).sum()
     }
 
+    /// Drawn splats by their numbers in the frame, with their boxes: first and last column, first
+    /// and last row.
+    pub fn boxes(&self) -> impl Iterator<Item = (u32, [[u16; 2]; 2])> {
+        let splats = self.blocks.iter().flatten().map(|record| record.splat);
+        splats.zip(self.boxes.iter().flatten().copied())
+    }
+
     /// The splat of a bin's entry.
     #[inline(always)]
     pub(super) fn splat(&self, entry: u32) -> &SetupRecord {

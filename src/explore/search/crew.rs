@@ -8,7 +8,8 @@
 //! A search requests one machine after another, and each result decides the next request. Workers
 //! measure likely next machines in advance. A wrong guess only costs time.
 
-use super::{SearchErrors, View, drawn, found_on};
+use super::screen::{Estimate, Screening};
+use super::{Drawn, SearchErrors, View, drawn, worst_of};
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
 use crate::hardware::searched::Target;
@@ -49,23 +50,64 @@ pub fn on_crew<T>(crew: Box<dyn Crew>, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Errors of a machine on all views, or why there are none.
+/// What is measured.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Request {
+    pub target: Target,
+    /// Set if a sample of the tiles is enough.
+    pub screening: Option<Screening>,
+}
+
+/// What was measured of a machine.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Measurement {
-    pub found: std::result::Result<SearchErrors, String>,
+    /// Errors on all views, or why there are none; `None` if the machine was only screened.
+    pub found: Option<std::result::Result<SearchErrors, String>>,
+    /// Load on samples of all views; `None` if they do not decide.
+    pub estimate: Option<Estimate>,
+    /// Squared error per tile, of each view that was drawn in full.
+    pub tiles: Vec<Vec<f64>>,
     pub seconds: f64,
+    /// Part of `seconds` in which pictures were compared.
+    pub comparing: f64,
 }
 
 impl Measurement {
     /// Draws in this process.
-    pub fn on<'v>(
-        views: impl IntoIterator<Item = &'v View>,
-        elaborated: &Elaborated,
-        target: &Target,
-    ) -> Self {
-        let (found, seconds) = timed(|| found_on(views, |view| drawn(elaborated, view, target)));
+    pub fn on(views: &[&View], elaborated: &Elaborated, request: &Request) -> Self {
+        let Request { target, screening } = request;
+        if let Some(screening) = screening {
+            let (estimate, seconds) =
+                timed(|| screening.estimate(views.iter().copied(), elaborated, target));
+            return Measurement {
+                found: None,
+                // A machine that cannot hold a view fails with a sentence when it is drawn in full.
+                estimate: estimate.unwrap_or_default(),
+                tiles: Vec::new(),
+                seconds,
+                comparing: 0.0,
+            };
+        }
+        let draw = || {
+            views
+                .iter()
+                .map(|view| drawn(elaborated, view, target))
+                .collect::<Result<Vec<Drawn>>>()
+        };
+        let (all, seconds) = timed(draw);
+        let found = match &all {
+            Ok(all) => {
+                let found: Vec<SearchErrors> = all.iter().map(|drawn| drawn.found).collect();
+                Ok(worst_of(&found))
+            }
+            Err(error) => Err(error.to_string()),
+        };
+        let all = all.unwrap_or_default();
         Measurement {
-            found: found.map_err(|error| error.to_string()),
+            found: Some(found),
+            estimate: None,
+            comparing: all.iter().map(|drawn| drawn.comparing).sum(),
+            tiles: all.into_iter().map(|drawn| drawn.tiles).collect(),
             seconds,
         }
     }
@@ -101,13 +143,10 @@ pub fn measured<'v>(
         ))
     };
     let machine: Machine = serde_json::from_str(machine).map_err(other)?;
-    let target: Target = serde_json::from_str(target).map_err(other)?;
+    let request: Request = serde_json::from_str(target).map_err(other)?;
     let elaborated = fixed::elaborate(&machine)?;
-    text(&Measurement::on(
-        views.into_iter().map(|PackedView(view)| view),
-        &elaborated,
-        &target,
-    ))
+    let views: Vec<&View> = views.into_iter().map(|PackedView(view)| view).collect();
+    text(&Measurement::on(&views, &elaborated, &request))
 }
 
 fn text(value: &impl Serialize) -> Result<String> {
@@ -146,7 +185,7 @@ impl Prefetch {
     pub fn measure(
         &mut self,
         views: &[View],
-        target: &Target,
+        request: &Request,
         machines: &[(String, Machine)],
     ) -> Result<()> {
         let Some(crew) = &mut self.crew else {
@@ -167,7 +206,7 @@ impl Prefetch {
             .iter()
             .map(|(_, machine)| text(machine))
             .collect::<Result<Vec<_>>>()?;
-        let answers = crew.measure(&texts, &text(target)?)?;
+        let answers = crew.measure(&texts, &text(request)?)?;
         if answers.len() != unknown.len() {
             return Err(Error::job(format!(
                 "{} machines were to be measured, and {} were",
@@ -190,17 +229,15 @@ impl Prefetch {
     pub fn taken(
         &mut self,
         views: &[View],
-        target: &Target,
+        request: &Request,
         (key, machine): (&str, &Machine),
         elaborated: &Elaborated,
     ) -> Result<Measurement> {
+        let here = || Measurement::on(&views.iter().collect::<Vec<_>>(), elaborated, request);
         if self.crew.is_none() {
-            return Ok(Measurement::on(views, elaborated, target));
+            return Ok(here());
         }
-        self.measure(views, target, &[(key.to_owned(), machine.clone())])?;
-        Ok(self
-            .measured
-            .remove(key)
-            .unwrap_or_else(|| Measurement::on(views, elaborated, target)))
+        self.measure(views, request, &[(key.to_owned(), machine.clone())])?;
+        Ok(self.measured.remove(key).unwrap_or_else(here))
     }
 }

@@ -40,6 +40,15 @@ pub trait Problem {
         self.load(steps)
     }
 
+    /// Learns the state that a descent is in now. Returns its load if that was measured again, more
+    /// exactly than before.
+    ///
+    /// # Errors
+    /// As [`Problem::load`].
+    fn took(&mut self, _steps: &[u32]) -> Result<Option<f64>> {
+        Ok(None)
+    }
+
     /// Number of loads that can be measured at once; 1 if there is no gain.
     fn width(&self) -> usize {
         1
@@ -78,6 +87,12 @@ fn with(steps: &[u32], knob: usize, value: u32) -> Vec<u32> {
 
 fn load(problem: &mut impl Problem, steps: &[u32]) -> Result<f64> {
     Ok(problem.load(steps)?.min(LARGEST_LOAD))
+}
+
+/// The load of a state that a descent takes.
+fn took(problem: &mut impl Problem, steps: &[u32]) -> Result<f64> {
+    let load = problem.load(steps)?;
+    Ok(problem.took(steps)?.unwrap_or(load).min(LARGEST_LOAD))
 }
 
 /// A load. If it was not measured before, loads that may be requested after it are measured too.
@@ -253,7 +268,7 @@ pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
         }
         let next = with(&steps, knob, steps[knob] - 1);
         if candidate.at == state {
-            now = load(problem, &next)?;
+            now = took(problem, &next)?;
             steps = next;
             state += 1;
             candidates.push(Candidate { at: 0, ..candidate });
@@ -307,7 +322,12 @@ pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
             continue;
         }
         if candidate.at == state {
-            (steps, now) = (next, then);
+            now = problem.took(&next)?.unwrap_or(then);
+            steps = next;
+            if now > 1.0 {
+                // The state only seemed to meet the target.
+                break;
+            }
             state += 1;
             candidates.push(Candidate { at: 0, ..candidate });
         } else {
@@ -357,7 +377,8 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
                     .map(|knob| with(&steps, *knob, steps[*knob] + 1))
                     .collect()
             };
-            let mut is_well = load_ahead(problem, &next, others)? <= 1.0;
+            let mut is_well =
+                load_ahead(problem, &next, others)? <= 1.0 && took(problem, &next)? <= 1.0;
             let mut next = next;
             // If one step can be taken, more may follow.
             while is_well {
@@ -365,7 +386,8 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
                 next = with(&steps, *knob, steps[*knob] + 1);
                 is_well = steps[*knob] < most[*knob]
                     && is_no_larger(problem, &steps, &next)
-                    && problem.load(&next)? <= 1.0;
+                    && problem.load(&next)? <= 1.0
+                    && took(problem, &next)? <= 1.0;
             }
         }
         if steps != before {
@@ -374,7 +396,10 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
         let joint = joint_steps(problem, &steps, &open)?;
         let mut taken = None;
         for next in &joint {
-            if is_no_larger(problem, &steps, next) && problem.load(next)? <= 1.0 {
+            if is_no_larger(problem, &steps, next)
+                && problem.load(next)? <= 1.0
+                && took(problem, next)? <= 1.0
+            {
                 taken = Some(next.clone());
                 break;
             }
@@ -527,7 +552,7 @@ pub fn annealed(
                 .take(width)
                 .collect()
         })?;
-        if load <= 1.0 {
+        if load <= 1.0 && took(problem, &next)? <= 1.0 {
             (annealing.steps, annealing.area) = (next, next_area);
             if annealing.area < best_area {
                 (best, best_area) = (annealing.steps.clone(), annealing.area);

@@ -2,6 +2,7 @@
 //! tables and function units.
 
 use crate::hardware::machines;
+use crate::scene::Scene;
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use schemars::JsonSchema;
@@ -41,23 +42,83 @@ pub enum KnobPart {
     Size,
 }
 
-/// Fraction bits and sizes of a machine, or those whose path begins with one of `only`.
-pub fn all(machine: &Machine, only: &[String]) -> Vec<Knob> {
+/// Parts of a machine that a search may reduce.
+#[derive(Clone, Debug, Default)]
+pub struct Selection {
+    /// Beginnings of paths; all if empty.
+    pub only: Vec<String>,
+    /// Beginnings of paths that no searched scene uses. No picture would show that they are too narrow.
+    pub unused: Vec<&'static str>,
+}
+
+impl Selection {
+    /// Parts below `only` that scenes use.
+    pub fn new<'s>(only: &[String], scenes: impl Iterator<Item = &'s Scene> + Clone) -> Self {
+        let is_used = |uses: fn(&Scene) -> bool| scenes.clone().any(uses);
+        let uses: [(&str, fn(&Scene) -> bool); 5] = [
+            ("colour", |scene| {
+                let ellipsoids = scene.ellipsoids.as_ref();
+                ellipsoids.is_some_and(|ellipsoids| ellipsoids.harmonics.is_some())
+            }),
+            ("ellipse.ellipsoid", |scene| scene.ellipsoids.is_some()),
+            ("fragment.sheets", |scene| scene.sheets.is_some()),
+            ("reflect", |scene| scene.environment.is_some()),
+            ("sort", |scene| {
+                let ellipsoids = scene.ellipsoids.as_ref();
+                ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted)
+            }),
+        ];
+        let unused = uses.into_iter().filter(|(_, uses)| !is_used(*uses));
+        Selection {
+            only: only.to_vec(),
+            unused: unused.map(|(path, _)| path).collect(),
+        }
+    }
+
+    /// Whether a part may be reduced.
+    pub fn has(&self, path: &str) -> bool {
+        is_selected(path, &self.only) && self.unused_of(path).is_none()
+    }
+
+    fn unused_of(&self, path: &str) -> Option<&'static str> {
+        let mut unused = self.unused.iter().copied();
+        unused.find(|unused| machines::is_below(path, unused))
+    }
+
+    /// Unused parts that the machine has and that would be reduced otherwise.
+    pub fn left_out(&self, machine: &Machine) -> Vec<String> {
+        let everything = Selection {
+            unused: Vec::new(),
+            ..self.clone()
+        };
+        let knobs = all(machine, &everything);
+        let is_had = |unused: &&&str| {
+            knobs
+                .iter()
+                .any(|knob| machines::is_below(&knob.path, unused))
+        };
+        let had = self.unused.iter().filter(is_had);
+        had.map(|unused| (*unused).to_owned()).collect()
+    }
+}
+
+/// Fraction bits and sizes of a machine that may be reduced.
+pub fn all(machine: &Machine, selection: &Selection) -> Vec<Knob> {
     let mut knobs = of_words(machine, KnobPart::FractionBit);
     sizes(&machines::value(machine), "", &mut knobs);
-    knobs.retain(|knob| is_selected(&knob.path, only));
+    knobs.retain(|knob| selection.has(&knob.path));
     knobs
 }
 
-/// Integer bits of a machine, or those whose path begins with one of `only`.
-pub fn integers(machine: &Machine, only: &[String]) -> Vec<Knob> {
+/// Integer bits of a machine that may be reduced.
+pub fn integers(machine: &Machine, selection: &Selection) -> Vec<Knob> {
     let mut knobs = of_words(machine, KnobPart::IntegerBit);
-    knobs.retain(|knob| is_selected(&knob.path, only));
+    knobs.retain(|knob| selection.has(&knob.path));
     knobs
 }
 
 /// Whether a path begins with one of `only`, or `only` is empty.
-pub fn is_selected(path: &str, only: &[String]) -> bool {
+fn is_selected(path: &str, only: &[String]) -> bool {
     only.is_empty() || only.iter().any(|name| machines::is_below(path, name))
 }
 
