@@ -125,8 +125,7 @@ pub fn has_enough(view: &View) -> bool {
 /// How far an estimate goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Until {
-    /// Until the decision is sure; if the last sample does not decide, the machine must be drawn in
-    /// full.
+    /// The last sample; if it does not decide surely, the machine must be drawn in full.
     Sure,
     /// Until the decision is sure, or the last sample: its estimate decides.
     Likely,
@@ -293,8 +292,9 @@ impl Screening {
         };
         let last = (reference.len() / LAST).min(most);
         let first = match self.until {
-            Until::Compared => last,
-            _ => FIRST.min(last),
+            // The deviation of few tiles with heavy tails is known too badly for a sure decision.
+            Until::Sure | Until::Compared => last,
+            Until::Likely | Until::Rejected => FIRST.min(last),
         };
         let sizes = sizes(reference);
         let order = order(&sizes, columns, self.nth);
@@ -577,7 +577,7 @@ mod tests {
         let [mut sure, mut wrong, mut all] = [0u32; 3];
         for name in ["torus-knot", "glass-spheres"] {
             let view = view(name, &base);
-            let errors: Vec<Vec<f64>> = (100..180)
+            let errors: Vec<Vec<f64>> = (100..700)
                 .filter_map(|seed| Some(drawn(&narrower(&base, seed)?, &view, &TARGET).ok()?.tiles))
                 .filter(|tiles| tiles.iter().sum::<f64>() > 0.0)
                 .collect();
