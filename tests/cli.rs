@@ -1286,7 +1286,7 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(&["search"], "SCENE");
     refused(
         &["machine"],
-        "a command is missing: list, show, timing, clock, cost, unit-costs, prove, schema (see --help)",
+        "a command is missing: list, show, timing, clock, cost, unit-costs, prove, rtl, schema (see --help)",
     );
     refused(
         &["machine", "lits"],
@@ -1296,6 +1296,7 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
     run_refused(&["glass-spheres", "checkerboard"], "checkerboard");
     refused(&["explain", "glass-spheres"], "--pixel");
     refused(&["machine", "prove", "tiny"], "--out");
+    refused(&["machine", "rtl", "tiny"], "--out");
     refused(&["machine", "prove", "--out", "nowhere"], "NAME|FILE");
 }
 

@@ -422,3 +422,32 @@ fn datapaths_without_records_give_the_results_of_their_graphs() {
         assert!(differs(folder.path(), tile, &of_tile, &tiles).is_some());
     }
 }
+
+/// A folder has the units of one machine, and what others put there.
+#[test]
+fn units_of_an_earlier_machine_are_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mine = folder.path().join("mine.sv");
+    std::fs::write(&mine, "module mine; endmodule\n").unwrap();
+    let names = |name: &str| {
+        let machine = machine(name, &[]);
+        let scene = rtl::usual_scene(&machine).unwrap();
+        rtl::write(&scene, &machine, folder.path()).unwrap();
+        let all = std::fs::read_dir(folder.path()).unwrap();
+        let mut names: Vec<String> = all
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| name.contains("ellips") || name.contains("colour"))
+            .collect();
+        names.sort();
+        names
+    };
+    let ellipsoids = [
+        "colour.sv",
+        "colour_datapath.sv",
+        "ellipsoid.sv",
+        "ellipsoid_datapath.sv",
+    ];
+    assert_eq!(names("gaussian"), ellipsoids);
+    assert_eq!(names("tiny"), ["ellipse.sv", "ellipse_datapath.sv"]);
+    assert!(mine.exists());
+}

@@ -87,7 +87,7 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         let results = self.outputs.map(|wire| match writer.of(wire) {
             Written::Condition(name) => (name, 1, true),
             _ => {
-                let (value, bits) = writer.value(wire);
+                let (value, bits) = writer.expression(wire);
                 (value, bits, false)
             }
         });
@@ -223,7 +223,7 @@ impl Writer<'_> {
     }
 
     /// A wire's expression with all of its places, and its bits.
-    fn value(&self, wire: Wire) -> (String, i32) {
+    fn expression(&self, wire: Wire) -> (String, i32) {
         match self.of(wire) {
             Written::Word { name, bits, below } if below > 0 => {
                 let wide = bits + below;
@@ -243,7 +243,7 @@ impl Writer<'_> {
 
     /// A wire in so many bits, shifted left.
     fn cast(&self, wire: Wire, bits: i32, places: u32) -> String {
-        let (name, from) = self.value(wire);
+        let (name, from) = self.expression(wire);
         let cast = if from == bits {
             name
         } else {
@@ -298,7 +298,7 @@ impl Writer<'_> {
                 self.word(name, bits, &literal(value, bits))
             }
             Operator::Product([a, b]) => {
-                let [(x, p), (y, q)] = [a, b].map(|wire| self.value(wire));
+                let [(x, p), (y, q)] = [a, b].map(|wire| self.expression(wire));
                 let bits = bits.max(p).max(q);
                 self.word(name, bits, &format!("{x} * {y}"))
             }
@@ -317,7 +317,8 @@ impl Writer<'_> {
                 self.word(name, bits, &format!("{sign} ? {x} : -({x})"))
             }
             Operator::Turned(from, by) => {
-                let (x, (y, _), sign) = (self.cast(from, bits, 0), self.value(by), self.sign(by));
+                let (x, (y, _), sign) =
+                    (self.cast(from, bits, 0), self.expression(by), self.sign(by));
                 let value = format!("!{sign} && |{y} ? -({x}) : {x}");
                 self.word(name, bits, &value)
             }
@@ -378,7 +379,7 @@ impl Writer<'_> {
                 self.exponent(place, range, bits, &value)
             }
             Operator::Above([a, b], [p, q]) => {
-                let [m, n] = [a, b].map(|wire| self.value(wire).1);
+                let [m, n] = [a, b].map(|wire| self.expression(wire).1);
                 let bits = (m + p as i32).max(n + q as i32);
                 let (x, y) = (self.cast(a, bits, p), self.cast(b, bits, q));
                 self.bit(name, &format!("{x} > {y}"))
@@ -459,7 +460,7 @@ impl Writer<'_> {
     /// A wire, or a limit where the comparison holds.
     fn limited(&mut self, name: String, from: Wire, comparison: char, limit: i64) -> Written {
         let bits = self
-            .value(from)
+            .expression(from)
             .1
             .max(bits_of([limit.min(0), limit.max(0)]));
         let (x, limit) = (self.cast(from, bits, 0), literal(limit, bits));
@@ -468,7 +469,7 @@ impl Writer<'_> {
     }
 
     fn choice(&mut self, name: String, pair: [Wire; 2], comparison: char) -> Written {
-        let [p, q] = pair.map(|wire| self.value(wire).1);
+        let [p, q] = pair.map(|wire| self.expression(wire).1);
         let bits = p.max(q);
         let [x, y] = pair.map(|wire| self.cast(wire, bits, 0));
         self.word(name, bits, &format!("{x} {comparison} {y} ? {x} : {y}"))
@@ -533,7 +534,7 @@ impl Writer<'_> {
                 "fit #(.IN_W({exact_bits}), .PLACES({places}), {shape}) fit_n{place} (.exact({exact}), .word({target}));"
             )),
             Some(more) => {
-                let (more, more_bits) = self.value(more);
+                let (more, more_bits) = self.expression(more);
                 self.line(format!(
                     "fit_shifted #(.IN_W({exact_bits}), .PLACES({places}), .MORE_W({more_bits}), {shape}) fit_n{place} (.exact({exact}), .more({more}), .word({target}));"
                 ));
@@ -547,7 +548,7 @@ impl Writer<'_> {
         let (fit, index_bits, is_linear) = (*table.fit(), table.index_bits(), table.is_linear());
         let argument_bits = index_bits + table.below();
         let rom = self.functions.roms[2][nth].clone();
-        let ((argument, _), name) = (self.value(argument), self.named(place, &fit));
+        let ((argument, _), name) = (self.expression(argument), self.named(place, &fit));
         self.line(format!("// {name}: {}", fit.word));
         let bits = fit.word.format.width();
         let written = self.word_of(&name, bits, false);
@@ -567,7 +568,7 @@ impl Writer<'_> {
 
     /// Bits of a positive wire, and those bits.
     fn positive(&mut self, wire: Wire) -> (String, i32) {
-        let (name, bits) = self.value(wire);
+        let (name, bits) = self.expression(wire);
         // Its sign is 0.
         let bits = (self.nodes[wire.place()].shape.bits() + 1).min(bits).max(1);
         self.unused.push(name.clone());
@@ -593,11 +594,11 @@ impl Writer<'_> {
     }
 
     fn normalised(&mut self, name: String, from: Wire, lead: Wire) -> Written {
-        let (x, _) = self.value(from);
+        let (x, _) = self.expression(from);
         let Operator::Lead(of) = self.nodes[lead.place()].operator else {
             unreachable!("a normaliser's shift")
         };
-        let (_, bits) = self.value(of);
+        let (_, bits) = self.expression(of);
         let bits = (self.nodes[of.place()].shape.bits() + 1).min(bits).max(1);
         let value = format!("{}'({x}) <<< n{}_lead", bits + 1, lead.place());
         let Written::Word { name, bits, .. } = self.word(name, bits + 1, &value) else {

@@ -24,9 +24,9 @@ use crate::units::{colour, ellipse};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// A file of SystemVerilog.
+/// A file of SystemVerilog: its name, and its text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct File {
+pub struct Listing {
     /// Name.
     pub name: String,
     /// Content.
@@ -354,16 +354,9 @@ pub fn datapaths(elaborated: &Elaborated) -> Vec<Datapath> {
 }
 
 /// The files of the units for this machine and kind of frame.
-pub fn files(elaborated: &Elaborated, frame: &Frame) -> Vec<File> {
+pub fn files(elaborated: &Elaborated, frame: &Frame) -> Vec<Listing> {
     let kind = Kind::of(frame);
-    let streams: Vec<Stream> = ports::constants(elaborated, kind)
-        .into_iter()
-        .chain(ports::streams(elaborated, kind))
-        .collect();
-    let writer = Writer {
-        elaborated,
-        streams: &streams,
-    };
+    let writer = Writer::new(elaborated, kind);
     let mut files = writer.unit(&project(elaborated, kind));
     files.extend(writer.unit(&ellipse_unit(
         elaborated,
@@ -375,7 +368,7 @@ pub fn files(elaborated: &Elaborated, frame: &Frame) -> Vec<File> {
             .flat_map(|unit| writer.unit(unit)),
     );
     files.extend(writer.unit(&gauss(elaborated)));
-    files.extend(datapaths(elaborated).into_iter().map(|datapath| File {
+    files.extend(datapaths(elaborated).into_iter().map(|datapath| Listing {
         text: writer.head(&format!(
             "Arithmetic of {}",
             datapath.name.replace("_datapath", "")
@@ -396,35 +389,66 @@ pub fn flows(elaborated: &Elaborated) -> Vec<(&'static str, Vec<Flow>)> {
             .map_or(0, |_| colour::MOST_DEGREE as u8),
         ..Kind::default()
     };
-    let streams: Vec<Stream> = ports::constants(elaborated, kind)
-        .into_iter()
-        .chain(ports::streams(elaborated, kind))
-        .collect();
-    let flows = Flows {
-        elaborated,
-        streams: &streams,
-    };
+    let writer = Writer::new(elaborated, kind);
     let slowest = elaborated.ellipse.slowest();
     let mut all = vec![
-        flows.of(&project(elaborated, kind)),
-        flows.of(&ellipse_unit(elaborated, slowest)),
+        writer.flow(&project(elaborated, kind)),
+        writer.flow(&ellipse_unit(elaborated, slowest)),
     ];
     all.extend(
         colour_unit(elaborated, kind)
             .iter()
-            .map(|unit| flows.of(unit)),
+            .map(|unit| writer.flow(unit)),
     );
-    all.push(flows.of(&gauss(elaborated)));
+    all.push(writer.flow(&gauss(elaborated)));
     all
 }
 
-struct Flows<'a> {
-    elaborated: &'a Elaborated,
-    streams: &'a [Stream],
+/// The modules that the units are made of.
+pub fn library() -> Vec<Listing> {
+    macro_rules! files {
+        ($($name:literal),*) => {
+            [$(($name, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/rtl/", $name)))),*]
+        };
+    }
+    files![
+        "fit.sv",
+        "fit_shifted.sv",
+        "lookup.sv",
+        "normalise.sv",
+        "pipe.sv",
+        "reciprocal.sv",
+        "reciprocal_root.sv"
+    ]
+    .map(|(name, text)| Listing {
+        name: name.into(),
+        text: text.into(),
+    })
+    .into()
 }
 
-impl Flows<'_> {
-    fn of<const OUTPUTS: usize>(&self, unit: &Unit<'_, OUTPUTS>) -> (&'static str, Vec<Flow>) {
+struct Writer<'a> {
+    elaborated: &'a Elaborated,
+    streams: Vec<Stream>,
+}
+
+fn constant(stream: &Stream, field: &str) -> String {
+    format!("machine_pkg::{}_{field}", stream.name.replace('.', "_"))
+        .to_uppercase()
+        .replace("MACHINE_PKG", "machine_pkg")
+}
+
+impl<'a> Writer<'a> {
+    fn new(elaborated: &'a Elaborated, kind: Kind) -> Self {
+        let constants = ports::constants(elaborated, kind).into_iter();
+        Writer {
+            elaborated,
+            streams: constants.chain(ports::streams(elaborated, kind)).collect(),
+        }
+    }
+
+    /// The words of a unit.
+    fn flow<const OUTPUTS: usize>(&self, unit: &Unit<'_, OUTPUTS>) -> (&'static str, Vec<Flow>) {
         let into = format!("{}.in", unit.stream);
         let signals = &self.elaborated.signals;
         // A register may have the format of a word that the unit makes.
@@ -459,43 +483,7 @@ impl Flows<'_> {
         let words = unit.graph.flow(signals, &names);
         (unit.stream, words)
     }
-}
 
-/// The modules that the units are made of.
-pub fn library() -> Vec<File> {
-    macro_rules! files {
-        ($($name:literal),*) => {
-            [$(($name, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/rtl/", $name)))),*]
-        };
-    }
-    files![
-        "fit.sv",
-        "fit_shifted.sv",
-        "lookup.sv",
-        "normalise.sv",
-        "pipe.sv",
-        "reciprocal.sv",
-        "reciprocal_root.sv"
-    ]
-    .map(|(name, text)| File {
-        name: name.into(),
-        text: text.into(),
-    })
-    .into()
-}
-
-struct Writer<'a> {
-    elaborated: &'a Elaborated,
-    streams: &'a [Stream],
-}
-
-fn constant(stream: &Stream, field: &str) -> String {
-    format!("machine_pkg::{}_{field}", stream.name.replace('.', "_"))
-        .to_uppercase()
-        .replace("MACHINE_PKG", "machine_pkg")
-}
-
-impl Writer<'_> {
     fn stream(&self, name: &str) -> &Stream {
         self.streams
             .iter()
@@ -512,7 +500,7 @@ impl Writer<'_> {
         )
     }
 
-    fn unit<const OUTPUTS: usize>(&self, unit: &Unit<'_, OUTPUTS>) -> Vec<File> {
+    fn unit<const OUTPUTS: usize>(&self, unit: &Unit<'_, OUTPUTS>) -> Vec<Listing> {
         let [into, out, frame] = [
             format!("{}.in", unit.stream),
             format!("{}.out", unit.stream),
@@ -534,11 +522,11 @@ impl Writer<'_> {
             frame,
         };
         vec![
-            File {
+            Listing {
                 name: format!("{datapath}.sv"),
                 text: self.head(&format!("Arithmetic of {}", unit.name)) + &text,
             },
-            File {
+            Listing {
                 name: format!("{}.sv", unit.name),
                 text: self.head(&format!("Unit {}", unit.name))
                     + &shell.text(&datapath, &inputs, &outputs),

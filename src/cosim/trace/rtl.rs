@@ -4,11 +4,12 @@ use super::{TraceWriter, headers};
 use crate::error::Result;
 use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
+use crate::input;
 use crate::output::files;
 use crate::output::text::{aligned, plain_table, thousands};
 use crate::scene::{Overrides, Scene};
 use rtl_model::Machine;
-use rtl_model::pipeline::rtl::{self, File};
+use rtl_model::pipeline::rtl::{self, Listing};
 use std::path::Path;
 
 /// A small scene of the kind that a machine is made for.
@@ -29,6 +30,26 @@ pub fn usual_scene(machine: &Machine) -> Result<Scene> {
     Scene::from_text(&text, "scene", Path::new("."), &Overrides::default(), 0)
 }
 
+const PACKAGE: &str = "machine_pkg.sv";
+
+/// Removes units that were written for another machine or scene.
+fn remove_others(folder: &Path, is_written: impl Fn(&str) -> bool) -> Result<()> {
+    let names = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for name in names.filter_map(|entry| entry.file_name().into_string().ok()) {
+        let path = folder.join(&name);
+        let is_unit = name.ends_with(".sv")
+            && !is_written(&name)
+            && input::read_text(&path).is_ok_and(|text| {
+                let head = text.lines().next().unwrap_or_default();
+                head.contains("Written by splatsim") && head.contains("for the machine")
+            });
+        if is_unit {
+            files::remove_if_there(&path)?;
+        }
+    }
+    Ok(())
+}
+
 /// Writes the units, the package `machine_pkg`, the modules that they use, and the tables; returns
 /// a table of the files.
 ///
@@ -45,11 +66,16 @@ pub fn write(scene: &Scene, machine: &Machine, folder: &Path) -> Result<String> 
         frame: &frame,
     };
     let roms = writer.roms()?;
-    let package = File {
-        name: "machine_pkg.sv".into(),
+    let package = Listing {
+        name: PACKAGE.into(),
         text: headers::package(&elaborated, &frame),
     };
     let (units, library) = (rtl::files(&elaborated, &frame), rtl::library());
+    let written = |name: &str| {
+        let mut all = units.iter().chain(&library);
+        name == PACKAGE || all.any(|listing| listing.name == name)
+    };
+    remove_others(folder, written)?;
     let mut table = plain_table(&["file", "lines", ""]);
     let lists = [
         (vec![package], "formats and records"),
@@ -57,7 +83,7 @@ pub fn write(scene: &Scene, machine: &Machine, folder: &Path) -> Result<String> 
         (library, "used by units"),
     ];
     for (list, meaning) in &lists {
-        for File { name, text } in list {
+        for Listing { name, text } in list {
             writer.text(name, text)?;
             let lines = thousands(text.lines().count() as u64);
             table.add_row([name.clone(), lines, (*meaning).to_owned()]);
