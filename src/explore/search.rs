@@ -1146,8 +1146,8 @@ impl<'a> WordSearch<'a> {
     }
 
     fn next_point(&self) -> u64 {
-        let points = self.journal.rows().filter_map(|row| row[0].as_u64());
-        points.last().map_or(0, |last| last + 1)
+        let mut points = self.journal.rows().filter_map(|row| row[0].as_u64());
+        points.next_back().map_or(0, |last| last + 1)
     }
 
     fn view_names(&self) -> String {

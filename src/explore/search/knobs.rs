@@ -42,6 +42,9 @@ pub enum KnobPart {
     Size,
 }
 
+/// Whether a scene uses a part of a machine.
+type Use = fn(&Scene) -> bool;
+
 /// Parts of a machine that a search may reduce.
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
@@ -54,8 +57,8 @@ pub struct Selection {
 impl Selection {
     /// Parts below `only` that scenes use.
     pub fn new<'s>(only: &[String], scenes: impl Iterator<Item = &'s Scene> + Clone) -> Self {
-        let is_used = |uses: fn(&Scene) -> bool| scenes.clone().any(uses);
-        let uses: [(&str, fn(&Scene) -> bool); 5] = [
+        let is_used = |uses: Use| scenes.clone().any(uses);
+        let uses: [(&str, Use); 5] = [
             ("colour", |scene| {
                 let ellipsoids = scene.ellipsoids.as_ref();
                 ellipsoids.is_some_and(|ellipsoids| ellipsoids.harmonics.is_some())
