@@ -6,7 +6,7 @@
 //!                      └──────────────────┘
 //! ```
 //! Each unit has the ports of its implementation by hand in `rtl`, and can take its place. What is
-//! around the graph comes from [`ports`](super::ports): a field's place, and the flags that clear
+//! around the graph comes from [`ports`]: a field's place, and the flags that clear
 //! it.
 //!
 //! Law: `generated_rtl_gives_the_records_of_the_machine` (tests/rtl.rs of the bench).
