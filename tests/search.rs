@@ -403,6 +403,9 @@ fn rows(out: &Path) -> Vec<(String, Option<u64>)> {
     let text = fs::read_to_string(out.join("points.jsonl")).unwrap();
     let row = |line: &str| {
         let row = serde_json::from_str::<Value>(line).unwrap()[1].clone();
+        // An estimate is not given as a figure of the picture.
+        let is_sampled = row.get(14).is_some_and(Value::is_u64);
+        assert!(!is_sampled || row[6].is_null() && row[15].is_f64(), "{row}");
         (row[1].to_string(), row.get(14).and_then(Value::as_u64))
     };
     text.lines().skip(1).map(row).collect()

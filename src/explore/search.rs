@@ -157,7 +157,7 @@ const LOCKSTEP_COLUMNS: [(&str, CellKind); 2] = [
 /// Additional column of a search that screens: tiles of the samples; empty if the machine was drawn
 /// in full.
 const SCREENED_COLUMNS: [(&str, CellKind); 4] = [
-    ("tiles", CellKind::Whole),
+    (columns::SAMPLED_TILES, CellKind::Whole),
     ("load", CellKind::Number),
     ("load_low", CellKind::Number),
     ("load_high", CellKind::Number),
@@ -1081,7 +1081,7 @@ impl<'a> WordSearch<'a> {
         };
         self.requested.insert(key.clone());
         if let Some(found) = self.known(&key) {
-            self.is_drawn(key, found, &machine, Vec::new());
+            self.keep_drawn(key, found, &machine, Vec::new());
             return Ok(found);
         }
         self.check_time()?;
@@ -1103,7 +1103,7 @@ impl<'a> WordSearch<'a> {
         let found = found.unwrap_or_else(|| Err("it was not measured".into()));
         let misfit = found.as_ref().err().cloned();
         let found = found.unwrap_or(UNUSABLE);
-        self.is_drawn(key.clone(), found, &machine, tiles);
+        self.keep_drawn(key.clone(), found, &machine, tiles);
         let area = Cost::new(&elaborated, &self.options.prices).area;
         let (point, scene) = (self.next_point(), self.view_names());
         let seen = misfit.is_none();
@@ -1181,7 +1181,7 @@ impl<'a> WordSearch<'a> {
 
     /// Keeps a machine that was drawn in full on all views. The next machines are compared with one
     /// near the target.
-    fn is_drawn(
+    fn keep_drawn(
         &mut self,
         key: String,
         found: SearchErrors,
@@ -1310,10 +1310,11 @@ impl<'a> WordSearch<'a> {
                     json!(self.changes(&machine)),
                     json!(self.method),
                     Value::Null,
-                    json!(psnr_db.filter(|_| self.options.target.against == Against::Golden)),
+                    // An estimate is not a figure of the picture: it is in the last columns.
+                    Value::Null,
                     Value::Null,
                     json!(method_psnr_db(&self.views)),
-                    json!(psnr_db.filter(|_| self.options.target.against == Against::Ideal)),
+                    Value::Null,
                     Value::Null,
                     Value::Null,
                     json!(area),

@@ -24,8 +24,9 @@
 //! *Interval.* X̂ ± 3·s ([`Until::deviations`]). Squared errors have heavy tails, so that a decision
 //! which the interval calls sure is wrong in up to 5 % of all cases ([`WRONG`]), more often than by a
 //! normal distribution. Decisions on the way ([`Until::Likely`]) use X̂ ± 1.5·s, and X̂ itself if the
-//! last sample does not decide: a wrong one costs a step, which later stages find again. Two bounds are exact: the error of the sample alone is less than that of the
-//! picture, and so is its greatest error. Both can only reject.
+//! last sample does not decide: a wrong one costs a step, which later stages find again. Two bounds
+//! are exact: the error of the sample alone is less than that of the picture, and so is its greatest
+//! error. Both can only reject.
 //!
 //! Splats are set up if their box on the unchanged machine, [`MARGIN_PX`] wider on each side, touches
 //! a tile of the sample. Words do not depend on the other splats.

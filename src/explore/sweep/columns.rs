@@ -76,6 +76,9 @@ fn of<T>(part: &Option<T>, cell: impl FnOnce(&T) -> Value) -> Value {
     part.as_ref().map_or(Value::Null, cell)
 }
 
+/// Tiles of a sample of the picture, in a row of a search; empty if the machine was drawn in full.
+pub const SAMPLED_TILES: &str = "tiles";
+
 // A PSNR is also empty if the pictures are equal.
 figures! {
     MISFIT = "misfit", Text, |f| json!(f.misfit);

@@ -13,7 +13,7 @@ mod batch;
 
 pub use batch::packed;
 
-use super::columns::MISFIT;
+use super::columns::{MISFIT, SAMPLED_TILES};
 use crate::error::{Error, Result};
 use crate::input;
 use crate::output::files::write_beside;
@@ -92,9 +92,10 @@ impl Table {
         }
     }
 
-    /// Whether the machine of a row could be built, and the row thus has figures.
+    /// Whether the machine of a row could be built and was drawn in full, and the row thus has
+    /// figures.
     pub fn is_drawn(&self, row: &Row) -> bool {
-        self.text(row, MISFIT).is_empty()
+        self.text(row, MISFIT).is_empty() && self.number(row, SAMPLED_TILES).is_none()
     }
 
     /// Whether any row was drawn.
