@@ -256,13 +256,12 @@ impl Machine {
     /// Longest path through the units that are not graphs, and through `colour` by degree.
     fn paths(&self, layer: Path) -> Paths {
         Paths {
-            colour: [1, 2, 3].map(|degree| {
-                let words = &self.colour.unwrap_or_default();
-                Harmonics {
-                    path: colour::path(self, words, degree),
-                    products: colour::products(words, degree),
-                    bits: colour::bits(words, degree),
-                }
+            colour: self.colour.map_or_else(Default::default, |words| {
+                [1, 2, 3].map(|degree| Harmonics {
+                    path: colour::path(self, &words, degree),
+                    products: colour::products(&words, degree),
+                    bits: colour::bits(&words, degree),
+                })
             }),
             raster: raster::path(self),
             fragment: fragment::path(self),
