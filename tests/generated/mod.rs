@@ -30,11 +30,16 @@ use tempfile::TempDir;
 fn written(trace: &Traced) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     copied(folder.path());
+    write(trace, folder.path());
+    folder
+}
+
+/// Writes the units for a trace's machine and scene.
+fn write(trace: &Traced, folder: &Path) {
     let [scene, file] = ["scene.json", "machine.json"].map(|name| trace.path(name));
     let scene = Scene::load(&scene, &Overrides::default()).unwrap();
     let machine = splatsim::hardware::machines::load(&file, &[]).unwrap();
-    rtl::write(&scene, &machine, folder.path()).unwrap();
-    folder
+    rtl::write(&scene, &machine, folder).unwrap();
 }
 
 const ONE_LANE: &str = "timing.raster.lanes=[1,1]";
@@ -221,7 +226,9 @@ fn generated_rtl_is_clean_and_can_be_synthesised() {
         (one(&harmonics(20, 16, 3), "gaussian"), &[OF_HARMONICS]),
     ];
     for (nth, (trace, units)) in cases.iter().enumerate() {
-        let folder = written(trace);
+        // Without the units by hand: all modules that are used must be written.
+        let folder = tempfile::tempdir().unwrap();
+        write(trace, folder.path());
         for unit in *units {
             let file = |name: &str| folder.path().join(name);
             let [package, top] = ["machine_pkg".into(), unit.name.to_owned()]

@@ -140,11 +140,6 @@ impl Table {
     pub fn below(&self) -> u32 {
         self.fraction_bits
     }
-
-    /// Whether it interpolates.
-    pub fn is_linear(&self) -> bool {
-        self.interpolation == Interpolation::Linear
-    }
 }
 
 /// A [`Table`] in words of 31 bits: see [`Table::natural`].

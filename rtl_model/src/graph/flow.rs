@@ -7,7 +7,7 @@
 
 use super::{Graph, Operator, Wire};
 use crate::elaboration::Signal;
-use crate::num::Exact;
+use crate::num::{Exact, Fit};
 use std::collections::BTreeSet;
 
 /// A word of a graph.
@@ -50,19 +50,15 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 format!("{sign}{}F{frac_bits}", int_bits + i32::from(node.signed))
             };
             let [reciprocals, roots, _] = &self.functions.roms;
+            let of_fit = |fit: &Fit| {
+                let signal = &signals[fit.signal];
+                let name = format!("{}.{}", signal.unit, signal.name);
+                Some((name, fit.word.format.to_string()))
+            };
             let named = match node.operator {
                 Operator::Input(nth) => inputs[nth].clone().map(|name| (name, shape())),
-                Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => {
-                    let signal = &signals[fit.signal];
-                    let name = format!("{}.{}", signal.unit, signal.name);
-                    Some((name, fit.word.format.to_string()))
-                }
-                Operator::Lookup(_, table) => {
-                    let fit = self.functions.tables[table].fit();
-                    let signal = &signals[fit.signal];
-                    let name = format!("{}.{}", signal.unit, signal.name);
-                    Some((name, fit.word.format.to_string()))
-                }
+                Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => of_fit(&fit),
+                Operator::Lookup(_, table) => of_fit(self.functions.tables[table].fit()),
                 Operator::Reciprocal(_, unit) => Some((reciprocals[unit].clone(), shape())),
                 Operator::InverseRoot(_, unit) | Operator::Root(_, unit) => {
                     let format = self.functions.roots[unit].shape().format();

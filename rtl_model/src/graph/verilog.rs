@@ -5,11 +5,12 @@
 //! normalisers are instances of the modules in `rtl`; conditions are single bits. Only what a
 //! result depends on is written.
 //!
-//! Law: `generated_rtl_gives_the_records_of_the_machine` (tests/rtl.rs of the bench).
+//! Law: `generated_rtl_gives_the_records_of_the_machine` (tests/generated of the bench).
 
 use super::{Functions, Graph, Node, Operator, Wire};
 use crate::elaboration::Signal;
-use crate::num::{Fit, Overflow, Rounding};
+use crate::machine::Interpolation;
+use crate::num::{Fit, Overflow};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -517,15 +518,11 @@ impl Writer<'_> {
         } else {
             format!("{name}_word")
         };
-        let round = match word.round {
-            Rounding::Truncate => 0,
-            Rounding::Nearest => 1,
-            Rounding::NearestEven => 2,
-        };
         let shape = format!(
-            ".W({}), .S({}), .ROUND({round}), .WRAP({})",
+            ".W({}), .S({}), .ROUND({}), .WRAP({})",
             format.width(),
             u8::from(format.signed),
+            word.round.code(),
             u8::from(word.overflow == Overflow::Wrap)
         );
         let places = fit.places() - i64::from(below);
@@ -545,21 +542,18 @@ impl Writer<'_> {
 
     fn lookup(&mut self, place: usize, argument: Wire, nth: usize) -> Written {
         let table = &self.functions.tables[nth];
-        let (fit, index_bits, is_linear) = (*table.fit(), table.index_bits(), table.is_linear());
+        let (fit, index_bits) = (*table.fit(), table.index_bits());
+        let is_linear = table.interpolation() == Interpolation::Linear;
         let argument_bits = index_bits + table.below();
         let rom = self.functions.roms[2][nth].clone();
         let ((argument, _), name) = (self.expression(argument), self.named(place, &fit));
         self.line(format!("// {name}: {}", fit.word));
         let bits = fit.word.format.width();
         let written = self.word_of(&name, bits, false);
-        let round = match fit.word.round {
-            Rounding::Truncate => 0,
-            Rounding::Nearest => 1,
-            Rounding::NearestEven => 2,
-        };
         self.line(format!(
-            "lookup #(.ARGUMENT_W({argument_bits}), .TABLE_BITS({index_bits}), .LINEAR({}), .W({bits}), .ROUND({round}), .ROM({{ROMS, \"{rom}.hex\"}})) table_n{place} (.argument({argument}[{}:0]), .word({name}_word));",
+            "lookup #(.ARGUMENT_W({argument_bits}), .TABLE_BITS({index_bits}), .LINEAR({}), .W({bits}), .ROUND({}), .ROM({{ROMS, \"{rom}.hex\"}})) table_n{place} (.argument({argument}[{}:0]), .word({name}_word));",
             u8::from(is_linear),
+            fit.word.round.code(),
             argument_bits - 1,
         ));
         self.unused.push(argument);

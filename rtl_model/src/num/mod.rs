@@ -256,6 +256,17 @@ pub enum Rounding {
     NearestEven,
 }
 
+impl Rounding {
+    /// The value of the parameter ROUND of SystemVerilog modules.
+    pub fn code(self) -> u8 {
+        match self {
+            Rounding::Truncate => 0,
+            Rounding::Nearest => 1,
+            Rounding::NearestEven => 2,
+        }
+    }
+}
+
 /// Overflow: treatment of a value outside a format's range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]

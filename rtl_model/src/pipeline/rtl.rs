@@ -6,10 +6,10 @@
 //!                      └──────────────────┘
 //! ```
 //! Each unit has the ports of its implementation by hand in `rtl`, and can take its place. What is
-//! around the graph comes from [`ports`]: a field's place, and the flags that clear
-//! it.
+//! around the graph comes from [`ports`]: a field's place, and the flags that clear it.
 //!
-//! Law: `generated_rtl_gives_the_records_of_the_machine` (tests/rtl.rs of the bench).
+//! Laws: `generated_rtl_gives_the_records_of_the_machine`,
+//! `datapaths_without_records_give_the_results_of_their_graphs` (tests/generated of the bench).
 
 use super::Elaborated;
 use super::ports::{self, Field, Kind, Stream};
@@ -103,7 +103,8 @@ fn project(elaborated: &Elaborated, kind: Kind) -> Unit<'_, 13> {
     ));
     inputs.extend(each("eye", &XYZ, register));
     inputs.extend(rotation());
-    inputs.push(register("near"));
+    // A result has the name of the frame's limit.
+    inputs.push(("near_plane".into(), Source::Frame("near".into())));
     inputs.extend(each("guard", &XY, register));
     inputs.extend(if elaborated.machine.ellipse.aspect.is_some() {
         each("focal", &XY, register)
@@ -112,11 +113,6 @@ fn project(elaborated: &Elaborated, kind: Kind) -> Unit<'_, 13> {
             .to_vec()
     });
     inputs.extend(each("centre", &XY, register));
-    // The frame's limit has the name of a flag.
-    inputs
-        .iter_mut()
-        .filter(|(name, _)| name == "near")
-        .for_each(|(name, _)| *name = "near_plane".into());
     Unit {
         name: unit::PROJECT,
         stream: unit::PROJECT,
@@ -143,12 +139,6 @@ fn project(elaborated: &Elaborated, kind: Kind) -> Unit<'_, 13> {
 /// `ellipse` of a kind of splat.
 fn ellipse_unit(elaborated: &Elaborated, variant: ellipse::Variant) -> Unit<'_, 17> {
     let unit = &elaborated.ellipse;
-    let renamed = |prefix: &str, all: Vec<(String, Source)>| {
-        all.into_iter()
-            .map(|(name, source)| (format!("{prefix}{name}"), source))
-            .collect::<Vec<_>>()
-    };
-    // Inputs have a prefix, because results have the same names.
     let mut inputs = each("normal", &XYZ, record);
     for name in [
         "radius",
@@ -172,7 +162,10 @@ fn ellipse_unit(elaborated: &Elaborated, variant: ellipse::Variant) -> Unit<'_, 
             inputs.extend(each("scale", &["0", "1", "2"], record));
         }
     }
-    inputs = renamed("splat_", inputs);
+    // Results have the same names.
+    for (name, _) in &mut inputs {
+        *name = format!("splat_{name}");
+    }
     inputs.extend(rotation());
     inputs.extend(["cull_backfaces", "focal", "low_pass", "root_cutoff"].map(register));
     inputs.push(("inverse_two_pi".into(), Source::Word(unit.inverse_two_pi())));
@@ -433,9 +426,8 @@ struct Writer<'a> {
 }
 
 fn constant(stream: &Stream, field: &str) -> String {
-    format!("machine_pkg::{}_{field}", stream.name.replace('.', "_"))
-        .to_uppercase()
-        .replace("MACHINE_PKG", "machine_pkg")
+    let name = format!("{}_{field}", stream.name.replace('.', "_"));
+    format!("machine_pkg::{}", name.to_uppercase())
 }
 
 impl<'a> Writer<'a> {
@@ -544,7 +536,7 @@ struct Shell<'a, const OUTPUTS: usize> {
 }
 
 impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
-    /// A field as a signed expression.
+    /// A field's bits, and whether they are a signed word.
     fn field(&self, stream: &Stream, port: &str, name: &str) -> (String, bool) {
         let field = stream
             .fields
@@ -556,6 +548,7 @@ impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
         (slice, field.word.format.signed)
     }
 
+    /// A field as a signed expression.
     fn signed(&self, stream: &Stream, port: &str, name: &str) -> String {
         match self.field(stream, port, name) {
             (slice, true) => format!("$signed({slice})"),
@@ -567,8 +560,12 @@ impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
     fn input(&self, source: &Source, port: &Port) -> String {
         let bits = port.bits;
         match source {
-            Source::Record(name) => self.cast(&self.signed(self.into, "s_data", name), port),
-            Source::Frame(name) => self.cast(&self.signed(self.frame, "frame", name), port),
+            // A flag of one bit.
+            Source::Frame(name) if port.is_condition => self.field(self.frame, "frame", name).0,
+            Source::Record(name) => {
+                format!("{bits}'({})", self.signed(self.into, "s_data", name))
+            }
+            Source::Frame(name) => format!("{bits}'({})", self.signed(self.frame, "frame", name)),
             Source::Opposite(name) => {
                 format!("-({bits}'({}))", self.signed(self.frame, "frame", name))
             }
@@ -586,18 +583,6 @@ impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
             Source::Word(word) if port.is_condition => format!("1'b{}", -word),
             Source::Word(word) => format!("{bits}'sd{word}"),
             Source::Reach => format!("{bits}'($signed({{1'b0, reach}}))"),
-        }
-    }
-
-    fn cast(&self, value: &str, port: &Port) -> String {
-        if port.is_condition {
-            // A flag of one bit.
-            value
-                .trim_start_matches("$signed({1'b0, ")
-                .trim_end_matches("})")
-                .to_owned()
-        } else {
-            format!("{}'({value})", port.bits)
         }
     }
 

@@ -3,7 +3,7 @@
 use super::observer::outcomes;
 use rtl_model::frame::Frame;
 use rtl_model::machine::{FunctionUnit, Interpolation, Merge, Rows};
-use rtl_model::num::{Format, Overflow, Rounding, Word};
+use rtl_model::num::{Format, Overflow, Word};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Field, Kind, Order, Stream};
 use std::collections::BTreeMap;
@@ -387,18 +387,14 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
     );
     for (path, word) in words(machine, Kind::of(frame)) {
         let name = constant(&path);
-        let round = match word.round {
-            Rounding::Truncate => 0,
-            Rounding::Nearest => 1,
-            Rounding::NearestEven => 2,
-        };
+        let round = word.round.code();
         let _ = write!(text, "\n  // {path}: {word}\n");
         let format = word.format;
         let parts = [
             ("W", format.width()),
             ("F", format.frac_bits),
             ("S", format.signed.into()),
-            ("ROUND", round),
+            ("ROUND", round.into()),
             ("WRAP", (word.overflow == Overflow::Wrap).into()),
         ];
         let lines = parts.map(|(part, value)| format!("localparam int {name}_{part} = {value};"));
