@@ -218,6 +218,7 @@ fn random(rng: &mut Rng) -> Machine {
             signed,
             int_bits: if signed { 2 + roll(2.0) } else { 1 + roll(2.0) },
             frac_bits: roll(13.0),
+            significant_bits: 0,
         },
         round: [Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven][roll(3.0) as usize],
         overflow: Overflow::Saturate,

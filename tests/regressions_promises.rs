@@ -112,6 +112,7 @@ fn narrowed(machine: &Machine, rng: &mut handmade::Rng) -> Machine {
                     signed,
                     int_bits: int_bits + i32::from(signed),
                     frac_bits,
+                    significant_bits: 0,
                 },
             )
         } else {
@@ -132,6 +133,7 @@ fn narrow(signed: bool) -> Vec<Format> {
                 signed,
                 int_bits: width - frac_bits,
                 frac_bits,
+                significant_bits: 0,
             })
         })
         .collect()

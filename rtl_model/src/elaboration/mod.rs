@@ -106,7 +106,7 @@ impl Elaboration {
             let fits = Format {
                 int_bits: limit - frac_bits.min(limit),
                 frac_bits: frac_bits.min(limit),
-                signed,
+                ..word.format
             };
             self.errors.push(format!(
                 "{unit}.{name} is {word}, {} bits on a port that carries {limit}: {fits} would fit",

@@ -19,6 +19,7 @@ fn words() -> impl Strategy<Value = Word> {
             signed,
             int_bits: width - frac_bits,
             frac_bits,
+            significant_bits: 0,
         }
     });
     let round = prop::sample::select(vec![

@@ -10,6 +10,7 @@
 //! Laws: `fit_agrees_with_exact_rationals`, `fit_agrees_with_the_crate_fixed`,
 //! `eight_lanes_equal_one`, `eight_narrow_words_equal_one`, `loss_is_reported_exactly`.
 
+use super::float::significant_shift;
 use super::{Exact, Exacts, LANES, Lanes, Overflow, Rounding, Word, Words, three};
 use std::hint::cold_path;
 
@@ -116,7 +117,9 @@ impl Fit {
         } else {
             half(places.clamp(0, 63) as u32)
         };
-        let usual = word.round != Rounding::NearestEven && word.overflow == Overflow::Saturate;
+        let usual = word.round != Rounding::NearestEven
+            && word.overflow == Overflow::Saturate
+            && !word.format.is_float();
         let simple = usual && (0..=62).contains(&places);
         let narrow = simple && places < 32 && i64::from(from.bits()) - places <= 30;
         let deep = simple && places >= 32;
@@ -196,6 +199,7 @@ impl Fit {
         let places = self.places + more;
         if places < 0 {
             let left = (-places).min(63) as u32;
+            let exact = self.cut(exact, 0);
             let shifted = exact << left;
             return if shifted >> left == exact {
                 self.limit(shifted)
@@ -230,6 +234,7 @@ impl Fit {
         (0..=62).contains(&self.places)
             && self.word.round != Rounding::NearestEven
             && self.word.overflow == Overflow::Wrap
+            && !self.word.format.is_float()
     }
 
     /// The words for eight exact results ≥ 0, as unsigned words. `SIMPLE_FITS` promises
@@ -468,6 +473,7 @@ impl Fit {
             (three!(i => self.cut(exact[i], places.min(63) as u32)), true)
         } else {
             let left = (-places).min(63);
+            let exact = three!(i => self.cut(exact[i], 0));
             let words = three!(i => exact[i] << left);
             (words, three!(i => words[i] >> left) == exact)
         };
@@ -488,6 +494,7 @@ impl Fit {
             (self.cut(exact, places.min(63) as u32), true)
         } else {
             let left = (-places).min(63);
+            let exact = self.cut(exact, 0);
             (exact << left, exact << left >> left == exact)
         };
         (is_held && word == word.max(self.min).min(self.max)).then_some(word)
@@ -499,6 +506,9 @@ impl Fit {
         // A limited word equals a limit.
         if self.word.overflow == Overflow::Saturate && word != self.min && word != self.max {
             return true;
+        }
+        if self.word.format.is_float() {
+            return self.one_shifted_within(exact, more).is_some();
         }
         let places = self.places + more;
         let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
@@ -516,7 +526,8 @@ impl Fit {
     /// Whether a result loses bits below the word's LSB.
     #[inline(always)]
     pub fn is_inexact(&self, exact: i64, more: i64) -> bool {
-        exact.trailing_zeros() < (self.places + more).clamp(0, 63) as u32
+        let right = (self.places + more).clamp(0, 63) as u32;
+        exact.trailing_zeros() < self.right_of(exact, right)
     }
 
     /// A result rounded to the word's LSB, before its limits, saturated to 64 bits.
@@ -528,7 +539,7 @@ impl Fit {
     fn rounded(&self, exact: i64, more: i64) -> i128 {
         let places = self.places + more;
         if places < 0 {
-            i128::from(exact) << (-places).min(63)
+            i128::from(self.cut(exact, 0)) << (-places).min(63)
         } else {
             i128::from(self.cut(exact, places.min(63) as u32))
         }
@@ -551,8 +562,22 @@ impl Fit {
         }
     }
 
+    /// Bits that are dropped from a result whose shift to the word's LSB is `right`.
+    #[inline(always)]
+    fn right_of(&self, v: i64, right: u32) -> u32 {
+        match self.word.format.significant_bits {
+            0 => right,
+            bits => significant_shift(v.unsigned_abs().into(), bits, right),
+        }
+    }
+
+    /// A result in ulp. A floating-point word rounds its magnitude, to an ulp that depends on it.
     #[inline(always)]
     fn cut(&self, v: i64, right: u32) -> i64 {
+        if self.word.format.is_float() {
+            cold_path();
+            return self.cut_float(v.into(), right) as i64;
+        }
         let round = match self.word.round {
             Rounding::Truncate => 0,
             Rounding::Nearest => half(right),
@@ -560,6 +585,28 @@ impl Fit {
             Rounding::NearestEven => half(right) - 1 + ((v >> right) & 1),
         };
         v.wrapping_add(round) >> right
+    }
+
+    #[inline(never)]
+    fn cut_float(&self, v: i128, right: u32) -> i128 {
+        let magnitude = v.unsigned_abs();
+        let dropped = significant_shift(magnitude, self.word.format.significant_bits, right);
+        let kept = magnitude >> dropped;
+        let half = 1u128 << dropped >> 1;
+        let round = match self.word.round {
+            Rounding::Truncate => 0,
+            Rounding::Nearest => half,
+            Rounding::NearestEven if dropped == 0 => 0,
+            Rounding::NearestEven => half - 1 + (kept & 1),
+        };
+        let word = ((magnitude + round) >> dropped << (dropped - right)) as i128;
+        if v < 0 { -word } else { word }
+    }
+
+    /// The floating-point word for one exact result of up to 120 bits.
+    pub fn one_float(&self, exact: i128) -> i64 {
+        let [right, left] = [self.places, -self.places].map(|places| places.clamp(0, 63) as u32);
+        self.limit_wide(self.cut_float(exact, right) << left)
     }
 
     #[inline(always)]

@@ -10,8 +10,11 @@
 //! U-2F14            .00ffffffffffff    14 fraction bits, the first two always 0: 0 … ¼ − 2⁻¹⁴
 //! ```
 //! The notation is that of the crate `fixed`, which is used only as an oracle in tests.
+//!
+//! A floating-point word keeps only the most significant bits of such a format ([`float`]).
 
 pub mod fit;
+pub mod float;
 pub mod lanes;
 pub mod real;
 pub mod register;
@@ -42,6 +45,9 @@ pub struct Format {
     pub int_bits: i32,
     /// Bits after the binary point, 0 to [`MAX_FRACTION_BITS`].
     pub frac_bits: i32,
+    /// Significant bits that a floating-point word keeps, the leading one included; 0 for fixed
+    /// point, which keeps all.
+    pub significant_bits: i32,
 }
 
 impl Format {
@@ -51,6 +57,7 @@ impl Format {
             signed: true,
             int_bits,
             frac_bits,
+            significant_bits: 0,
         }
     }
 
@@ -60,29 +67,32 @@ impl Format {
             signed: false,
             int_bits,
             frac_bits,
+            significant_bits: 0,
         }
     }
 
-    /// Bits in the word.
+    /// Bits from the sign or the first integer bit to the last fraction bit. A floating-point word
+    /// is stored in fewer: [`Format::stored_bits`].
     pub const fn width(self) -> i32 {
         self.int_bits + self.frac_bits
     }
 
     /// Smallest word.
     pub const fn min(self) -> i64 {
-        if self.signed {
-            -(1 << (self.width() - 1))
-        } else {
-            0
+        match (self.signed, self.is_float()) {
+            (true, false) => -(1 << (self.width() - 1)),
+            (true, true) => -self.max(),
+            (false, _) => 0,
         }
     }
 
     /// Greatest word.
     pub const fn max(self) -> i64 {
-        if self.signed {
-            (1 << (self.width() - 1)) - 1
+        let all = (1 << self.magnitude_bits()) - 1;
+        if self.is_float() {
+            self.greatest_float(all)
         } else {
-            (1 << self.width()) - 1
+            all
         }
     }
 
@@ -106,6 +116,21 @@ impl Format {
         }
     }
 
+    /// With more fraction bits, or fewer. A floating-point word then keeps as many more significant
+    /// bits, and the same exponents.
+    pub fn finer(self, bits: i32) -> Format {
+        let significant_bits = if self.is_float() {
+            self.significant_bits.saturating_add(bits)
+        } else {
+            0
+        };
+        Format {
+            frac_bits: self.frac_bits.saturating_add(bits),
+            significant_bits,
+            ..self
+        }
+    }
+
     /// The word that represents 1, if the format has one.
     pub const fn one(self) -> i64 {
         1 << self.frac_bits
@@ -114,13 +139,15 @@ impl Format {
 
 impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{}{}F{}",
-            if self.signed { 'I' } else { 'U' },
-            self.int_bits,
-            self.frac_bits
-        )
+        if let Some((name, _)) = float::NAMED.iter().find(|(_, format)| format == self) {
+            return f.write_str(name);
+        }
+        let sign = if self.signed { 'I' } else { 'U' };
+        write!(f, "{sign}{}F{}", self.int_bits, self.frac_bits)?;
+        if self.is_float() {
+            write!(f, "S{}", self.significant_bits)?;
+        }
+        Ok(())
     }
 }
 
@@ -128,9 +155,12 @@ impl FromStr for Format {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        if let Some((_, format)) = float::NAMED.iter().find(|(name, _)| *name == text) {
+            return Ok(*format);
+        }
         let shape = || {
             format!(
-                "`{text}` is not a format: write U or I, integer bits, F, fraction bits, as in U3F13 or I10F6"
+                "`{text}` is not a format: write U or I, integer bits, F, fraction bits, as in U3F13 or I10F6; for floating point FP16, FP8(E4M3), FP8(E5M2), or S and significant bits, as in I8F24S11"
             )
         };
         let signed = match text.chars().next() {
@@ -143,12 +173,20 @@ impl FromStr for Format {
             Ok(number) if !digits.starts_with('+') => Ok(i32::from(number)),
             _ => Err(shape()),
         };
+        let (frac_bits, significant_bits) = match frac_bits.split_once('S') {
+            Some((frac_bits, significant)) => (frac_bits, Some(number(significant)?)),
+            None => (frac_bits, None),
+        };
         let format = Format {
             signed,
             int_bits: number(int_bits)?,
             frac_bits: number(frac_bits)?,
+            significant_bits: significant_bits.unwrap_or(0),
         };
         format.check(text)?;
+        if significant_bits.is_some() {
+            format.check_float(text)?;
+        }
         Ok(format)
     }
 }
@@ -247,9 +285,9 @@ pub fn align<const N: usize>(frac_bits: [i32; N]) -> [u32; N] {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rounding {
-    /// Dropped: towards minus infinity.
+    /// Dropped: towards minus infinity; in floating point towards zero.
     Truncate,
-    /// To the nearest; ties go up.
+    /// To the nearest; ties go up, in floating point away from zero.
     #[default]
     Nearest,
     /// To the nearest; ties go to the even word.
@@ -292,12 +330,21 @@ pub struct Word {
 }
 
 impl Word {
-    /// A word with the default rounding and overflow: nearest, saturate.
+    /// A word with the default rounding and overflow: nearest, in floating point nearest even;
+    /// saturate.
     pub const fn new(format: Format) -> Self {
         Word {
             format,
-            round: Rounding::Nearest,
+            round: Word::default_rounding(format),
             overflow: Overflow::Saturate,
+        }
+    }
+
+    const fn default_rounding(format: Format) -> Rounding {
+        if format.is_float() {
+            Rounding::NearestEven
+        } else {
+            Rounding::Nearest
         }
     }
 
@@ -321,19 +368,22 @@ impl fmt::Display for Word {
 /// A word in JSON: its format, or an object with format, rounding and overflow. A format is `U`
 /// (unsigned) or `I` (signed) with the number of integer bits, which includes the sign bit, and `F`
 /// with the number of fraction bits: `I4F22` has 26 bits; `U-2F16` has 14 bits, and its values are
-/// from 0 to below 0.25.
+/// from 0 to below 0.25. In floating point `S` and the number of significant bits follow:
+/// `I8F24S11` has 11, from −128 to 128, and is 0 below 2^−25. `FP16` is `I17F24S11`, `FP8(E4M3)`
+/// `I10F9S4`, and `FP8(E5M2)` `I17F16S3`.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum WordText {
     /// A format with the default rounding (nearest) and overflow (saturate), such as `U3F13`,
     /// `I10F6`, `U-2F14`.
-    Short(#[schemars(regex(pattern = r"^[UI]-?\d+F\d+$"))] String),
+    Short(#[schemars(regex(pattern = r"^([UI]-?\d+F\d+(S\d+)?|FP16|FP8\((E4M3|E5M2)\))$"))] String),
     /// A format with its rounding and overflow.
     Long {
-        #[schemars(regex(pattern = r"^[UI]-?\d+F\d+$"))]
+        #[schemars(regex(pattern = r"^([UI]-?\d+F\d+(S\d+)?|FP16|FP8\((E4M3|E5M2)\))$"))]
         format: String,
+        /// Left out, `nearest`; in floating point `nearest-even`.
         #[serde(default)]
-        round: Rounding,
+        round: Option<Rounding>,
         #[serde(default)]
         overflow: Overflow,
     },
@@ -347,7 +397,7 @@ impl Serialize for Word {
         } else {
             WordText::Long {
                 format,
-                round: self.round,
+                round: Some(self.round),
                 overflow: self.overflow,
             }
         };
@@ -358,17 +408,22 @@ impl Serialize for Word {
 impl<'de> Deserialize<'de> for Word {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let (format, round, overflow) = match WordText::deserialize(deserializer)? {
-            WordText::Short(format) => (format, Rounding::default(), Overflow::default()),
+            WordText::Short(format) => (format, None, Overflow::default()),
             WordText::Long {
                 format,
                 round,
                 overflow,
             } => (format, round, overflow),
         };
-        let format = format.parse().map_err(serde::de::Error::custom)?;
+        let format: Format = format.parse().map_err(serde::de::Error::custom)?;
+        if format.is_float() && overflow == Overflow::Wrap {
+            return Err(serde::de::Error::custom(format!(
+                "{format} wraps, but a floating-point word can only saturate"
+            )));
+        }
         Ok(Word {
             format,
-            round,
+            round: round.unwrap_or(Word::default_rounding(format)),
             overflow,
         })
     }

@@ -9,6 +9,7 @@ pub fn formats(width: std::ops::RangeInclusive<i32>) -> impl Strategy<Value = Fo
         signed,
         int_bits: width - frac_bits,
         frac_bits,
+        significant_bits: 0,
     })
 }
 
@@ -36,6 +37,7 @@ fn every_valid_format_reads_back_what_it_writes() {
                     signed,
                     int_bits: width - frac_bits,
                     frac_bits,
+                    significant_bits: 0,
                 };
                 assert_eq!(format.to_string().parse(), Ok(format));
             }

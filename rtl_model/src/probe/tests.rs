@@ -30,6 +30,7 @@ fn words() -> impl Strategy<Value = Word> {
                 signed,
                 int_bits,
                 frac_bits,
+                significant_bits: 0,
             },
             round,
             overflow,

@@ -200,6 +200,7 @@ fn some_fit(rng: &mut Rng) -> Fit {
         signed: true,
         int_bits: 2 + rng.below(5) as i32,
         frac_bits: rng.below(12) as i32,
+        significant_bits: 0,
     };
     let round = rng.one_of(&[Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
     let overflow = rng.one_of(&[Overflow::Saturate, Overflow::Saturate, Overflow::Wrap]);
@@ -346,6 +347,7 @@ fn a_fit_is_within_its_bound() {
                         signed,
                         int_bits,
                         frac_bits,
+                        significant_bits: 0,
                     },
                     round,
                     overflow,

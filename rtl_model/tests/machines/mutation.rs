@@ -160,6 +160,7 @@ fn wide(signed: bool, m: &Mutation) -> Format {
         signed,
         int_bits: 29 + m.first.rem_euclid(4) - frac_bits,
         frac_bits,
+        significant_bits: 0,
     }
 }
 
@@ -170,6 +171,7 @@ fn anything(m: &Mutation) -> Format {
         signed: m.first % 2 == 0,
         int_bits: width - frac_bits,
         frac_bits,
+        significant_bits: 0,
     }
 }
 
@@ -180,5 +182,6 @@ fn valid(signed: bool, int_bits: i32, frac_bits: i32) -> Format {
         signed,
         int_bits: int_bits.clamp(1 - frac_bits, MAX_WIDTH_BITS - frac_bits),
         frac_bits,
+        significant_bits: 0,
     }
 }

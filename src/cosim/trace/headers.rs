@@ -557,7 +557,7 @@ fn meaning(field: &Field) -> String {
 /// Every word and every number, for the manifest.
 pub fn words_and_numbers(machine: &Elaborated, frame: &Frame) -> serde_json::Value {
     let described = words(machine, Kind::of(frame)).into_iter().map(|(path, word)| {
-        let Format { signed, int_bits, frac_bits } = word.format;
+        let Format { signed, int_bits, frac_bits, .. } = word.format;
         let entry = serde_json::json!({
             "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits, "round": word.round, "overflow": word.overflow,
         });
@@ -654,7 +654,7 @@ pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
 pub fn fields(stream: &Stream, kind: Kind) -> Vec<serde_json::Value> {
     let codes = codes(kind);
     let described = stream.fields.iter().zip(stream.places()).map(|(field, place)| {
-        let Format { signed, int_bits, frac_bits } = field.word.format;
+        let Format { signed, int_bits, frac_bits, .. } = field.word.format;
         let full_name = format!("{}.{}", stream.name, field.name);
         let mut entry = serde_json::json!({
             "name": field.name, "lsb": place, "width": field.width(), "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits,

@@ -14,6 +14,7 @@ fn machine(sight: Sight) -> Machine {
             signed,
             int_bits,
             frac_bits,
+            significant_bits: 0,
         })
     };
     let reflect = Description {

@@ -1,0 +1,169 @@
+//! Floating-point words beside the crate `half` and beside lists of every value.
+
+use super::*;
+use crate::num::{Exact, Fit, Overflow, Rounding, Word};
+use half::f16;
+use proptest::prelude::*;
+
+/// A format of the notation.
+fn format(text: &str) -> Format {
+    text.parse().unwrap()
+}
+
+/// Every number of a format, worked out from the fields of its stored words.
+fn values(exponent_bits: i32, fraction_bits: i32, least_exponent: i32, greatest: f64) -> Vec<f64> {
+    let mut values = Vec::new();
+    for exponent in 0..1 << exponent_bits {
+        for fraction in 0..1 << fraction_bits {
+            let part = f64::from(fraction) / f64::from(1 << fraction_bits);
+            let value = if exponent == 0 {
+                part * 2f64.powi(least_exponent)
+            } else {
+                (1.0 + part) * 2f64.powi(least_exponent + exponent - 1)
+            };
+            if value <= greatest {
+                values.push(value);
+            }
+        }
+    }
+    values
+}
+
+/// The nearest of some numbers in ascending order from 0 on, which have alternating last bits.
+fn nearest(values: &[f64], of: f64) -> f64 {
+    let magnitude = of.abs();
+    let above = values.partition_point(|value| *value < magnitude);
+    let place = match (above.checked_sub(1), values.get(above)) {
+        (None, _) => 0,
+        (Some(below), None) => below,
+        (Some(below), Some(next)) => match (magnitude - values[below], next - magnitude) {
+            (down, up) if down < up => below,
+            (down, up) if down > up => above,
+            _ if below % 2 == 0 => below,
+            _ => above,
+        },
+    };
+    values[place].copysign(of)
+}
+
+#[test]
+fn named_formats_have_the_fields_and_limits_of_their_standards() {
+    let fields = |text| {
+        let format = format(text);
+        (
+            format.stored_bits(),
+            format.exponent_bits(),
+            format.value(format.max()),
+            format.value(1),
+        )
+    };
+    assert_eq!(fields("FP16"), (16, 5, 65504.0, 2f64.powi(-24)));
+    assert_eq!(fields("FP8(E4M3)"), (8, 4, 448.0, 2f64.powi(-9)));
+    assert_eq!(fields("FP8(E5M2)"), (8, 5, 57344.0, 2f64.powi(-16)));
+    assert_eq!(format("I17F24S11").to_string(), "FP16");
+    assert_eq!(format("U1F24S11").to_string(), "U1F24S11");
+    // 25 magnitude bits, 15 exponents and the code of subnormal numbers: 4 + 10 bits.
+    assert_eq!(format("U1F24S11").stored_bits(), 14);
+}
+
+#[test]
+fn stored_words_are_those_of_the_crate_half() {
+    let format = format("FP16");
+    for stored in 0..=u16::MAX {
+        let half = f16::from_bits(stored);
+        if !half.is_finite() {
+            continue;
+        }
+        let word = format.restored(stored.into());
+        assert_eq!(format.value(word), half.to_f64(), "{stored:#x}");
+        if stored != 0x8000 {
+            assert_eq!(format.stored(word), u64::from(stored));
+        }
+    }
+}
+
+#[test]
+fn every_stored_word_of_8_bits_reads_back() {
+    for (text, numbers) in [
+        ("FP8(E4M3)", values(4, 3, -6, 448.0)),
+        ("FP8(E5M2)", values(5, 2, -14, 57344.0)),
+    ] {
+        let format = format(text);
+        for (stored, value) in numbers.into_iter().enumerate() {
+            for (sign, factor) in [(0, 1.0), (0x80, -1.0)] {
+                let word = format.restored(stored as u64 | sign);
+                assert_eq!(format.value(word), factor * value);
+                if word != 0 {
+                    assert_eq!(format.stored(word), stored as u64 | sign);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn floating_point_words_that_cannot_be_modelled_are_refused() {
+    let refusal = |text: &str| text.parse::<Format>().expect_err(text);
+    assert_eq!(
+        refusal("I8F24S1"),
+        "`I8F24S1` keeps 1 significant bits of 31: 2 to 24 can be modelled"
+    );
+    assert_eq!(
+        refusal("U1F3S4"),
+        "`U1F3S4` keeps 4 significant bits of 4: 2 to 3 can be modelled"
+    );
+    assert!(refusal("I8F24S-3").contains("significant bits"));
+    assert!(refusal("I8F24S").contains("is not a format"));
+    assert!(refusal("I8F24S0").contains("significant bits"));
+    assert!(refusal("FP8").contains("FP8(E4M3)"));
+    let wraps = serde_json::from_str::<Word>(r#"{"format": "FP16", "overflow": "wrap"}"#);
+    assert!(wraps.unwrap_err().to_string().contains("can only saturate"));
+}
+
+#[test]
+fn a_word_is_rounded_to_nearest_even_if_the_description_leaves_it_out() {
+    let read = |text: &str| serde_json::from_str::<Word>(text).unwrap();
+    for text in [r#""FP16""#, r#"{"format": "FP16"}"#] {
+        assert_eq!(read(text).round, Rounding::NearestEven);
+        assert_eq!(serde_json::to_string(&read(text)).unwrap(), r#""FP16""#);
+    }
+    let truncated = r#"{"format":"I8F24S11","round":"truncate","overflow":"saturate"}"#;
+    assert_eq!(serde_json::to_string(&read(truncated)).unwrap(), truncated);
+}
+
+proptest! {
+    /// Every rounding of any result, beside the list of every number of the format.
+    #[test]
+    fn a_word_is_one_of_the_two_numbers_beside_the_result(
+        exact in -(1i64 << 40)..1 << 40,
+        frac_bits in 0..=40i32,
+        name in prop::sample::select(vec!["FP8(E4M3)", "FP8(E5M2)"]),
+        more in -20..20i64,
+    ) {
+        let numbers = match name {
+            "FP8(E4M3)" => values(4, 3, -6, 448.0),
+            _ => values(5, 2, -14, 57344.0),
+        };
+        let format = format(name);
+        let value = exact as f64 * 2f64.powi(-frac_bits - more as i32);
+        let below = numbers.partition_point(|number| *number <= value.abs()).saturating_sub(1);
+        let expected = [
+            (Rounding::Truncate, numbers[below].copysign(value)),
+            (Rounding::NearestEven, nearest(&numbers, value)),
+        ];
+        for (round, expected) in expected {
+            let word = Word { format, round, overflow: Overflow::Saturate };
+            let fit = Fit::new(0, word, Exact { int_bits: 40 - frac_bits, frac_bits });
+            let made = fit.one_shifted(exact, more);
+            prop_assert_eq!(format.value(made), expected, "{} {}", value, round.code());
+            let loss = fit.loss(exact, more);
+            // Beyond the range a result can be rounded to it or be limited by it.
+            if value.abs() <= format.value(format.max()) {
+                prop_assert_eq!(loss.inexact, format.value(made) != value);
+                prop_assert!(!loss.saturated_low && !loss.saturated_high);
+                prop_assert_eq!(fit.one_shifted_within(exact, more), Some(made));
+                prop_assert!(fit.is_within(exact, more, made));
+            }
+        }
+    }
+}
