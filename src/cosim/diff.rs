@@ -29,6 +29,7 @@ use crate::output::text::hex;
 use align::{Mismatch, Name};
 use lines::RecordLines;
 use order::{Ordered, Permutation};
+use rtl_model::num::Format;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
@@ -165,7 +166,7 @@ impl TraceFolder {
         let fields = stream["fields"].as_array()?;
         let number = |field: &Value, name: &str| field[name].as_i64();
         let mut described = Vec::new();
-        let (mut widths, mut signed, mut unless) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut formats, mut unless) = (Vec::new(), Vec::new());
         for field in fields {
             let width = u32::try_from(number(field, "width")?)
                 .ok()
@@ -178,8 +179,21 @@ impl TraceFolder {
                 frac_bits,
                 is_word,
             });
-            widths.push(width);
-            signed.push(field["signed"].as_bool()?);
+            let signed = field["signed"].as_bool()?;
+            formats.push(match number(field, "significant_bits") {
+                None => Format {
+                    signed,
+                    ..Format::unsigned(width as i32, 0)
+                },
+                Some(bits) => {
+                    let (sign, int_bits) =
+                        (if signed { 'I' } else { 'U' }, number(field, "int_bits")?);
+                    let format: Format = format!("{sign}{int_bits}F{frac_bits}S{bits}")
+                        .parse()
+                        .ok()?;
+                    (format.stored_bits() == width as i32).then_some(format)?
+                }
+            });
             let flags = field["zero_where"]
                 .as_array()
                 .map(Vec::as_slice)
@@ -196,7 +210,7 @@ impl TraceFolder {
             parent: text(&stream["parent"]),
             per_pixel: stream["order"] == "per-pixel",
             fields: described,
-            layout: RecordLayout::of(widths, signed, unless),
+            layout: RecordLayout::of(formats, unless),
         })
     }
 

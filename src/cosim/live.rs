@@ -419,6 +419,13 @@ impl Port {
             if !(format.min()..=format.max()).contains(word) {
                 return Err(between(&field.name, *word, [format.min(), format.max()]));
             }
+            if format.representable(*word) != *word {
+                let sentence = format!(
+                    "{word}, and a word of {format} has {} significant bits",
+                    format.significant_bits
+                );
+                return Err(Refused::of(&field.name, sentence));
+            }
         }
         Ok(())
     }

@@ -36,17 +36,8 @@ pub struct Word {
 impl Word {
     /// Its bits in hexadecimal.
     pub fn hex(&self) -> String {
-        let width = self.format.width() as u32;
-        let mask = if width < 64 {
-            (1u64 << width) - 1
-        } else {
-            u64::MAX
-        };
-        format!(
-            "{:0digits$x}",
-            self.word as u64 & mask,
-            digits = width.div_ceil(4) as usize
-        )
+        let digits = (self.format.stored_bits() as u32).div_ceil(4) as usize;
+        format!("{:0digits$x}", self.format.stored(self.word))
     }
 
     /// Its value.

@@ -18,7 +18,7 @@ use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use rtl_model::frame::{self, Frame, Scaled};
 use rtl_model::machine::{Interpolation, Machine, Sight, TableShape};
-use rtl_model::num::{Format, Rounding, Word};
+use rtl_model::num::{Format, Word};
 use rtl_model::pipeline::Reach;
 use rtl_model::real::power_of_two;
 use rtl_model::work::{Found, TILE_PX, Visit, Work};
@@ -357,12 +357,7 @@ fn places_to_spare(word: Word, needed: f64) -> i32 {
 
 /// A real number as a word: rounded by the word's mode, saturated.
 pub(crate) fn quantised(word: Word, value: f64) -> i64 {
-    let scaled = value * power_of_two(word.format.frac_bits);
-    let rounded = match word.round {
-        Rounding::Truncate => scaled.floor(),
-        Rounding::Nearest => (scaled + 0.5).floor(),
-        Rounding::NearestEven => scaled.round_ties_even(),
-    };
+    let rounded = word.rounded_real(value * power_of_two(word.format.frac_bits));
     (rounded as i64).clamp(word.format.min(), word.format.max())
 }
 

@@ -12,6 +12,7 @@
 //! Laws: `a_wider_operator_is_never_faster`, `a_faster_clock_never_takes_fewer_cycles`.
 
 use crate::machine::timing::{Technology, Timing};
+use crate::num::Word;
 
 /// Cycles of a product with its own registers.
 pub const PRODUCT: u32 = 2;
@@ -67,6 +68,16 @@ impl Path {
         )
     }
 
+    /// The exact product of two words; bits of floating point are then shifted to their places.
+    pub fn product_of(self, a: Word, b: Word) -> Path {
+        let path = self.product(a.format.factor_bits(), b.format.factor_bits());
+        if a.format.is_float() || b.format.is_float() {
+            path.shift(a.format.width() + b.format.width())
+        } else {
+            path
+        }
+    }
+
     /// A sum, a difference or a comparison.
     pub fn sum(self, bits: i32) -> Path {
         self.step(SUM, adder(bits))
@@ -100,6 +111,25 @@ impl Path {
     /// Rounds to a word and limits it, within the cycles of the operator before it.
     pub fn fit(self, bits: i32) -> Path {
         self.step(0, adder(bits) / 2 + 16)
+    }
+
+    /// [`Path::fit`] of an exact result of `from` bits, whose leading one goes to the front if the
+    /// word is in floating point.
+    pub fn fit_word(self, word: Word, from: i32) -> Path {
+        let path = if word.format.is_float() {
+            self.normalise(from)
+        } else {
+            self
+        };
+        path.fit(word.format.stored_bits())
+    }
+
+    /// A sum with each of some words, rounded to it; the slowest.
+    pub fn accumulate<const N: usize>(self, words: [Word; N]) -> Path {
+        words.into_iter().fold(Path::default(), |slowest, word| {
+            let bits = word.format.width();
+            slowest.parallel(self.sum(bits).fit_word(word, bits))
+        })
     }
 
     /// Compares and selects one of two words, within the cycles of the operator before it.

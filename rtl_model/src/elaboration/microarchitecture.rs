@@ -469,7 +469,7 @@ fn bytes(bits: i32) -> u32 {
 fn bits(words: &[(i32, Word)]) -> i32 {
     words
         .iter()
-        .map(|(count, word)| count * word.format.width())
+        .map(|(count, word)| count * word.format.stored_bits())
         .sum()
 }
 
@@ -634,7 +634,7 @@ impl Machine {
             });
         }
         let fragment_bytes = bytes(self.fragment_bits());
-        let frame_bytes = bytes(4 * self.resolve.frame.format.width());
+        let frame_bytes = bytes(4 * self.resolve.frame.format.stored_bits());
         let pixels = t.cache.line_px[0].saturating_mul(t.cache.line_px[1]);
         let line_bytes = pixels
             .saturating_mul(f.layers)
@@ -683,7 +683,7 @@ impl Machine {
         );
         let widths = self.widths(splat, prepared, colour.last());
         let [light, frame] = [self.shade.premultiplied, self.resolve.frame]
-            .map(|word| 4 * i64::from(word.format.width()));
+            .map(|word| 4 * i64::from(word.format.stored_bits()));
         let fragment_bits = i64::from(self.fragment_bits());
         // One slot of a pixel changes.
         let lanes = i64::from(lanes_of_fragment(t));
@@ -842,8 +842,8 @@ impl Machine {
         [engines, in_flight]: [u32; 2],
     ) {
         let fragment_bits = self.fragment_bits();
-        let [light, word] =
-            [self.shade.premultiplied, self.resolve.frame].map(|word| 4 * word.format.width());
+        let [light, word] = [self.shade.premultiplied, self.resolve.frame]
+            .map(|word| 4 * word.format.stored_bits());
         let lane = bits(&[(1, self.gauss.weight), (1, self.fragment.depth)]);
         e.per_lane(|e| {
             // An incoming pixel is compared with each pixel in a merge. Results of merges are
@@ -922,7 +922,7 @@ impl Machine {
         }
         Some(MapShape {
             index_bits,
-            texel_bytes: bytes(3 * reflect.light.format.width()),
+            texel_bytes: bytes(3 * reflect.light.format.stored_bits()),
             cache,
         })
     }
@@ -978,7 +978,7 @@ impl Machine {
     /// Parts of the test of a tree node, as wide as the words of the splat and of `project`. It has
     /// no divider: both sides of a comparison are multiplied by the depth.
     fn walker(&self, e: &mut Elaboration) {
-        let width = |word: Word| word.format.width();
+        let width = |word: Word| word.format.stored_bits();
         let (p, splat) = (&self.project, &self.splat);
         let [position, camera, radius, focal, pixel, normal] = [
             splat.position,

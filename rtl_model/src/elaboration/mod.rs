@@ -90,6 +90,8 @@ impl Default for Elaboration {
 pub const MAX_OPERAND_BITS: i32 = 32;
 /// Widest magnitude of an exact result.
 const MAX_EXACT_BITS: i32 = 62;
+/// Bits of an adder of exponents.
+pub const EXPONENT_BITS: i32 = 8;
 
 impl Elaboration {
     /// A word on a port or at a multiplier: at most 32 bits.
@@ -108,12 +110,28 @@ impl Elaboration {
                 frac_bits: frac_bits.min(limit),
                 ..word.format
             };
+            let bits = if word.format.is_float() {
+                "bits from its sign to its last place"
+            } else {
+                "bits"
+            };
             self.errors.push(format!(
-                "{unit}.{name} is {word}, {} bits on a port that carries {limit}: {fits} would fit",
+                "{unit}.{name} is {word}, {} {bits} on a port that carries {limit}: {fits} would fit",
                 word.format.width()
             ));
         }
         self.saturates(unit, name, word);
+    }
+
+    /// Refuses floating-point words.
+    pub fn fixed_point(&mut self, unit: &'static str, name: &str, word: Word) {
+        self.require(!word.format.is_float(), || {
+            let fits = Format {
+                significant_bits: 0,
+                ..word.format
+            };
+            format!("{unit}.{name} is {word}, but it must be fixed point: {fits} would fit")
+        });
     }
 
     /// Refuses words that wrap: their values mean nothing then.
@@ -171,8 +189,23 @@ impl Elaboration {
         b: impl Into<Operand>,
     ) -> Exact {
         let (a, b) = (a.into(), b.into());
-        self.part(unit, Operator::Multiplier([a.bits, b.bits]));
-        a.exact.times(b.exact)
+        let product = a.exact.times(b.exact);
+        self.multiplier(unit, [a.bits, b.bits]);
+        if a.is_float || b.is_float {
+            self.float_product(unit);
+            self.shifter(unit, product.bits());
+        }
+        product
+    }
+
+    /// A multiplier of factors of so many bits, sign bits included.
+    pub fn multiplier(&mut self, unit: &'static str, bits: [i32; 2]) {
+        self.part(unit, Operator::Multiplier(bits));
+    }
+
+    /// Adds the exponents of a product of floating-point words.
+    pub fn float_product(&mut self, unit: &'static str) {
+        self.adders(unit, 1, EXPONENT_BITS);
     }
 
     /// An adder per term except the first; returns the exact sum (or difference).
@@ -226,6 +259,9 @@ impl Elaboration {
 
     /// Quantises an exact result to the word called `name`.
     pub fn fit(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
+        if word.format.is_float() {
+            self.saturates(unit, name, word);
+        }
         let left = (word.format.frac_bits - from.frac_bits).max(0);
         if from.bits() > MAX_EXACT_BITS {
             self.errors.push(format!(
@@ -240,27 +276,61 @@ impl Elaboration {
                 Format { frac_bits: from.frac_bits, ..word.format }.within(MAX_WIDTH_BITS)
             ));
         }
-        let bits = word.format.width();
+        self.fit_parts(unit, word, from, from.bits());
+        Fit::new(self.signal(unit, name, word), word, from)
+    }
+
+    /// [`Elaboration::fit`] of a floating-point product, of which only `bits` bits are not 0.
+    pub fn fit_float(
+        &mut self,
+        unit: &'static str,
+        name: &str,
+        word: Word,
+        (from, bits): (Exact, i32),
+    ) -> Fit {
+        if !word.format.is_float() {
+            self.shifter(unit, from.bits());
+            return self.fit(unit, name, word, from);
+        }
+        self.fit_parts(unit, word, from, bits);
+        Fit::new(self.signal(unit, name, word), word, from)
+    }
+
+    /// Parts that round and limit a result of which only `held` bits are not 0.
+    fn fit_parts(&mut self, unit: &'static str, word: Word, from: Exact, held: i32) {
+        let bits = word.format.stored_bits();
         self.part(unit, Operator::Register(bits));
-        if word.round != Rounding::Truncate && from.frac_bits > word.format.frac_bits {
+        if word.format.is_float() {
+            // The leading one goes to the front, and its place into the exponent. What is rounded
+            // is the magnitude; rounding up can carry into the exponent.
+            self.normaliser(unit, held);
+            self.adders(unit, 1, EXPONENT_BITS);
+        }
+        if word.round != Rounding::Truncate
+            && (from.frac_bits > word.format.frac_bits || word.format.is_float())
+        {
             self.part(unit, Operator::Rounder(bits));
             // The tie test reads the LSB of the word, so half an ulp cannot be a row of the
             // product's array. It takes a chain of half adders along the exact result: half an
             // adder (synthesis results: docs/book/cost.md).
             if word.round == Rounding::NearestEven {
-                self.part(unit, Operator::Adder((from.bits() + 1) / 2));
+                self.part(unit, Operator::Adder((held + 1) / 2));
             }
         }
         if word.overflow == Overflow::Saturate && from.int_bits > Exact::from(word).int_bits {
             self.part(unit, Operator::Multiplexer(bits));
         }
-        Fit::new(self.signal(unit, name, word), word, from)
     }
 
     /// [`Elaboration::fit`] of a result that is shifted first by any number of places: to the left
     /// until it always saturates, to the right until only the sign is left.
+    /// The shift of a floating-point word is a sum of exponents.
     pub fn fit_shifted(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
-        self.shifter(unit, from.bits() + word.format.width());
+        if word.format.is_float() {
+            self.adders(unit, 1, EXPONENT_BITS);
+        } else {
+            self.shifter(unit, from.bits() + word.format.width());
+        }
         self.fit(unit, name, word, from)
     }
 
@@ -368,22 +438,21 @@ impl Elaboration {
 pub struct Operand {
     bits: i32,
     exact: Exact,
+    is_float: bool,
 }
 
 impl From<Word> for Operand {
     fn from(word: Word) -> Self {
-        Operand {
-            bits: word.format.width(),
-            exact: word.into(),
-        }
+        word.format.into()
     }
 }
 
 impl From<Format> for Operand {
     fn from(format: Format) -> Self {
         Operand {
-            bits: format.width(),
+            bits: format.factor_bits(),
             exact: format.into(),
+            is_float: format.is_float(),
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Builder: makes a unit's graph, and declares what it takes: parts, signals, misfits.
 
 use super::{Functions, Graph, Node, Operator, Power, Wire};
-use crate::elaboration::{self, Elaboration};
+use crate::elaboration::Elaboration;
 use crate::functions::reciprocal::NORMALISED_FRAC_BITS;
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::FunctionUnit;
-use crate::num::{Exact, Word, align};
+use crate::num::{Exact, Format, Word, align};
 
 /// Builds a graph for a unit.
 #[derive(Debug)]
@@ -49,6 +49,7 @@ impl<'e> Builder<'e> {
             operator,
             shape,
             signed,
+            significant_bits: 0,
             power,
         });
         Wire((self.nodes.len() - 1) as u16)
@@ -56,13 +57,37 @@ impl<'e> Builder<'e> {
 
     /// The same shape from another operator.
     fn alike(&mut self, operator: Operator, from: Wire) -> Wire {
-        let Node {
-            shape,
+        self.nodes.push(Node {
+            operator,
+            ..self.of(from)
+        });
+        Wire((self.nodes.len() - 1) as u16)
+    }
+
+    /// A wire with so many significant bits.
+    fn significant(&mut self, wire: Wire, bits: i32) -> Wire {
+        self.nodes[wire.place()].significant_bits = bits;
+        wire
+    }
+
+    /// A word.
+    fn word(&mut self, operator: Operator, word: Word, power: Power) -> Wire {
+        let Format {
             signed,
-            power,
+            significant_bits,
             ..
-        } = self.of(from);
-        self.node(operator, shape, signed, power)
+        } = word.format;
+        let wire = self.node(operator, word.into(), signed, power);
+        self.significant(wire, significant_bits)
+    }
+
+    /// Shifts what has an exponent to its place in the shape, where its bits are added, compared or
+    /// limited.
+    fn placed(&mut self, wire: Wire) {
+        let node = self.of(wire);
+        if node.is_float() {
+            self.e.shifter(self.unit, node.shape.bits());
+        }
     }
 
     fn condition(&mut self, operator: Operator) -> Wire {
@@ -120,7 +145,8 @@ impl<'e> Builder<'e> {
 
     /// The next input, a word.
     pub fn input(&mut self, word: Word) -> Wire {
-        self.state(word.into(), word.format.signed)
+        let wire = self.state(word.into(), word.format.signed);
+        self.significant(wire, word.format.significant_bits)
     }
 
     /// The next input, a word that is relative to a power.
@@ -188,33 +214,31 @@ impl<'e> Builder<'e> {
     /// Exact product, by a multiplier.
     pub fn times(&mut self, a: Wire, b: Wire) -> Wire {
         let [x, y] = [a, b].map(|wire| self.of(wire));
-        let operator = elaboration::Operator::Multiplier([x.bits(), y.bits()]);
-        self.e.part(self.unit, operator);
-        self.node(
+        let bits = [x, y].map(|node| node.factor_bits());
+        self.e.multiplier(self.unit, bits);
+        let product = self.node(
             Operator::Product([a, b]),
             x.shape.times(y.shape),
             x.signed || y.signed,
             x.power.times(y.power),
-        )
+        );
+        if !(x.is_float() || y.is_float()) {
+            return product;
+        }
+        self.e.float_product(self.unit);
+        self.significant(product, bits[0] + bits[1])
     }
 
     /// Times 2^`places`, by wiring.
     pub fn scaled(&mut self, from: Wire, places: i32) -> Wire {
-        let Node {
-            shape,
-            signed,
-            power,
-            ..
-        } = self.of(from);
-        self.node(
-            Operator::Scaled(from, places),
-            shape.scaled(places),
-            signed,
-            power,
-        )
+        let scaled = self.alike(Operator::Scaled(from, places), from);
+        self.nodes[scaled.place()].shape = self.of(from).shape.scaled(places);
+        scaled
     }
 
     fn terms(&mut self, a: Wire, b: Wire) -> [u32; 2] {
+        self.placed(a);
+        self.placed(b);
         let [x, y] = [a, b].map(|wire| self.of(wire));
         debug_assert_eq!(
             x.power.times(y.power.inverse()),
@@ -280,8 +304,9 @@ impl<'e> Builder<'e> {
 
     /// The opposite, by what reads it.
     pub fn negated(&mut self, from: Wire) -> Wire {
-        let Node { shape, power, .. } = self.of(from);
-        self.node(Operator::Negation(from), shape, true, power)
+        let negated = self.alike(Operator::Negation(from), from);
+        self.nodes[negated.place()].signed = true;
+        negated
     }
 
     /// The magnitude; the unit declares its adder, if it is one.
@@ -291,12 +316,14 @@ impl<'e> Builder<'e> {
 
     /// With the sign that `of` has not, by a choice of two signs.
     pub fn opposed(&mut self, from: Wire, of: Wire) -> Wire {
-        let Node { shape, power, .. } = self.of(from);
-        self.node(Operator::Opposed(from, of), shape, true, power)
+        let opposed = self.alike(Operator::Opposed(from, of), from);
+        self.nodes[opposed.place()].signed = true;
+        opposed
     }
 
     /// Negated where `by` is above 0: the least word has no opposite among the words.
     pub fn turned(&mut self, from: Wire, by: Wire) -> Wire {
+        self.placed(from);
         let Node { shape, power, .. } = self.of(from);
         self.e.limit(self.unit, self.of(from).bits() + 1);
         self.node(
@@ -312,9 +339,11 @@ impl<'e> Builder<'e> {
 
     /// At least 0, by a choice that a difference's own sign makes.
     pub fn natural(&mut self, from: Wire) -> Wire {
-        let Node { shape, power, .. } = self.of(from);
-        self.e.choice(self.unit, 2, shape.bits());
-        self.node(Operator::Natural(from), shape, false, power)
+        let node = self.of(from);
+        self.e
+            .choice(self.unit, 2, node.factor_bits() - i32::from(node.signed));
+        let natural = self.alike(Operator::Natural(from), from);
+        self.known_natural(natural)
     }
 
     /// At most 1. What saturates the word that comes of it limits this too, so that it takes no
@@ -351,7 +380,9 @@ impl<'e> Builder<'e> {
 
     /// One ulp more, by the carry input of the operator that reads it.
     pub fn an_ulp_more(&mut self, from: Wire) -> Wire {
+        self.placed(from);
         let node = self.alike(Operator::APlaceMore(from), from);
+        self.significant(node, 0);
         self.nodes[node.place()].shape.int_bits += 1;
         node
     }
@@ -364,14 +395,14 @@ impl<'e> Builder<'e> {
 
     /// The only operator that loses bits: puts an exact result into the word called `name`.
     pub fn fit(&mut self, name: &str, word: Word, from: Wire) -> Wire {
-        let Node { shape, power, .. } = self.of(from);
-        let fit = self.e.fit(self.unit, name, word, shape);
-        self.node(
-            Operator::Fit(from, fit),
-            word.into(),
-            word.format.signed,
-            power,
-        )
+        let node = self.of(from);
+        let fit = if node.is_float() {
+            let result = (node.shape, node.significant_bits);
+            self.e.fit_float(self.unit, name, word, result)
+        } else {
+            self.e.fit(self.unit, name, word, node.shape)
+        };
+        self.word(Operator::Fit(from, fit), word, node.power)
     }
 
     /// The same for a word of another unit.
@@ -387,12 +418,7 @@ impl<'e> Builder<'e> {
         let node = self.of(from);
         let fit = self.e.fit_shifted(self.unit, name, word, node.shape);
         let more = self.exponent_of(power.times(node.power.inverse()));
-        self.node(
-            Operator::FitShifted(from, more, fit),
-            word.into(),
-            word.format.signed,
-            power,
-        )
+        self.word(Operator::FitShifted(from, more, fit), word, power)
     }
 
     /// A word of the table called `name`, which the fit of the table makes.
@@ -400,12 +426,8 @@ impl<'e> Builder<'e> {
         let word = table.fit().word;
         self.functions.roms[2].push(format!("{}.{name}", self.unit));
         self.functions.tables.push(table);
-        self.node(
-            Operator::Lookup(argument, self.functions.tables.len() - 1),
-            word.into(),
-            word.format.signed,
-            Power::ONE,
-        )
+        let table = self.functions.tables.len() - 1;
+        self.word(Operator::Lookup(argument, table), word, Power::ONE)
     }
 
     /// Vectors' parts, shifted left together until nothing but `int_bits` of the largest is before
@@ -453,7 +475,9 @@ impl<'e> Builder<'e> {
 
     /// All bits of three magnitudes, and at least a last place.
     pub fn largest(&mut self, parts: [Wire; 3]) -> Wire {
+        parts.iter().for_each(|part| self.placed(*part));
         let node = self.alike(Operator::Largest(parts), parts[0]);
+        self.significant(node, 0);
         let bits = self.of(node).shape.bits();
         self.e.adders(self.unit, 3, bits);
         self.known_natural(node)

@@ -6,12 +6,11 @@
 //! Law: `the_longest_path_is_that_of_the_slowest_operand`.
 
 use super::{Graph, Node, Operator, Wire};
+use crate::elaboration::EXPONENT_BITS;
 use crate::elaboration::latency::Path;
 use crate::functions::{reciprocal, square_root, table};
 use crate::machine::TableShape;
-
-/// Widest exponent that a shifter or an adder of exponents takes, bits.
-const EXPONENT_BITS: i32 = 8;
+use crate::num::Fit;
 
 impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     /// The longest path to any result.
@@ -39,15 +38,43 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         self.outputs.map(|wire| arrivals[wire.place()])
     }
 
+    fn node(&self, wire: Wire) -> &Node {
+        &self.nodes[wire.place()]
+    }
+
     fn bits(&self, wire: Wire) -> i32 {
-        self.nodes[wire.place()].bits()
+        self.node(wire).bits()
+    }
+
+    /// A path through what rounds a result to a word.
+    fn fit(&self, from: Wire, fit: &Fit, path: Path) -> Path {
+        let from = self.node(from);
+        let path = if from.is_float() && !fit.word.format.is_float() {
+            path.shift(from.bits())
+        } else {
+            path
+        };
+        path.fit_word(fit.word, from.factor_bits())
     }
 
     /// A path through an operator.
     fn through(&self, node: &Node, path: Path) -> Path {
         let bits = node.bits();
+        let path = match node.operator {
+            // The bits of what has an exponent are shifted to their places.
+            Operator::Sum([a, b], _)
+            | Operator::Difference([a, b], _)
+            | Operator::Above([a, b], _)
+                if self.node(a).is_float() || self.node(b).is_float() =>
+            {
+                path.shift(self.bits(a).max(self.bits(b)))
+            }
+            _ => path,
+        };
         match node.operator {
-            Operator::Product([a, b]) => path.product(self.bits(a), self.bits(b)),
+            Operator::Product([a, b]) => {
+                path.product(self.node(a).factor_bits(), self.node(b).factor_bits())
+            }
             Operator::Sum(..) | Operator::Difference(..) => path.sum(bits),
             Operator::Above([a, b], lefts) => {
                 let bits = [a, b].map(|wire| self.bits(wire));
@@ -61,8 +88,13 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             Operator::Opposed(..) | Operator::Natural(_) | Operator::AtLeastOne(_) => {
                 path.choose(2)
             }
-            Operator::Fit(..) => path.fit(bits),
-            Operator::FitShifted(..) => path.shift(bits).fit(bits),
+            Operator::Fit(from, fit) | Operator::FitShifted(from, _, fit) => {
+                let path = match node.operator {
+                    Operator::FitShifted(..) => path.shift(bits),
+                    _ => path,
+                };
+                self.fit(from, &fit, path)
+            }
             Operator::Lead(from) => path.count(self.bits(from)),
             Operator::Normalised(from, _) => path.shift(self.bits(from)),
             Operator::Exponents(power) if power.terms().len() > 1 => path.compare(EXPONENT_BITS),
@@ -86,7 +118,7 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                     index_bits: table.index_bits(),
                     interpolation: table.interpolation(),
                 };
-                path.then(table::path(shape, table.fit().word.format.width()))
+                path.then(table::path(shape, table.fit().word.format.stored_bits()))
             }
             // Wires, and single gates.
             Operator::Input(_)

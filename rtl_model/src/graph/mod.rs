@@ -165,6 +165,9 @@ struct Node {
     shape: Exact,
     /// Whether it may be negative.
     signed: bool,
+    /// Bits from the leading one on that a floating-point word or a product of them has; 0 where
+    /// all bits of the shape may be set.
+    significant_bits: i32,
     /// What it is relative to; of exponents, the power that they are.
     power: Power,
 }
@@ -173,6 +176,20 @@ impl Node {
     /// Bits of a result, its sign included.
     fn bits(&self) -> i32 {
         self.shape.bits() + i32::from(self.signed)
+    }
+
+    /// Bits that a multiplier reads.
+    fn factor_bits(&self) -> i32 {
+        if self.is_float() {
+            self.significant_bits + i32::from(self.signed)
+        } else {
+            self.bits()
+        }
+    }
+
+    /// Whether it has a significand and an exponent, and no place before it is shifted there.
+    fn is_float(&self) -> bool {
+        self.significant_bits > 0
     }
 }
 

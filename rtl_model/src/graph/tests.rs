@@ -5,6 +5,7 @@ use crate::elaboration::Elaboration;
 use crate::elaboration::latency::Path;
 use crate::kernels::host::{Host, Unvectorised, Vectorised};
 use crate::machine::FunctionUnit;
+use crate::num::tests::also_floating;
 use crate::num::{Format, LANES, Overflow, Rounding, Word};
 use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
@@ -27,8 +28,8 @@ fn words() -> impl Strategy<Value = Word> {
         Rounding::Truncate,
         Rounding::NearestEven,
     ]);
-    (format, round).prop_map(|(format, round)| Word {
-        format,
+    (format, any::<u32>(), round).prop_map(|(format, pick, round)| Word {
+        format: also_floating(format, pick),
         round,
         overflow: Overflow::Saturate,
     })

@@ -636,7 +636,7 @@ impl Machine {
             f.normal_sum,
             f.depth,
         ]
-        .map(|word| word.format.width());
+        .map(|word| word.format.stored_bits());
         let sums = weight + opacity + 3 * (colour + normal) + 8 + 1;
         match &f.window {
             None => sums + depth,
@@ -645,9 +645,9 @@ impl Machine {
                     + opacity
                     + 4 * depth
                     + 2 * weight
-                    + 2 * words.through.format.width()
+                    + 2 * words.through.format.stored_bits()
                     + 1;
-                closed.max(sums + 2 * depth + words.depth_sum.format.width())
+                closed.max(sums + 2 * depth + words.depth_sum.format.stored_bits())
             }
         }
     }

@@ -603,12 +603,6 @@ impl Fit {
         if v < 0 { -word } else { word }
     }
 
-    /// The floating-point word for one exact result of up to 120 bits.
-    pub fn one_float(&self, exact: i128) -> i64 {
-        let [right, left] = [self.places, -self.places].map(|places| places.clamp(0, 63) as u32);
-        self.limit_wide(self.cut_float(exact, right) << left)
-    }
-
     #[inline(always)]
     fn limit(&self, v: i64) -> i64 {
         match self.word.overflow {

@@ -52,6 +52,15 @@ impl Format {
         self.significant_bits > 0
     }
 
+    /// Bits from a word's leading one on that can be other than 0.
+    pub const fn kept_bits(self) -> i32 {
+        if self.is_float() {
+            self.significant_bits
+        } else {
+            self.magnitude_bits()
+        }
+    }
+
     /// Bits of the factor that a multiplier reads.
     pub const fn factor_bits(self) -> i32 {
         if self.is_float() {
@@ -129,9 +138,22 @@ impl Format {
         let (exponent, fraction) = (code >> fraction_bits, code & ((1 << fraction_bits) - 1));
         let magnitude = match exponent {
             0 => fraction,
-            _ => ((1 << fraction_bits) + fraction) << (exponent - 1),
+            // A field can have codes beyond those of the format.
+            _ => {
+                ((1 << fraction_bits) + fraction)
+                    << (exponent - 1).min(62 - u64::from(fraction_bits))
+            }
         } as i64;
         if is_negative { -magnitude } else { magnitude }
+    }
+
+    /// The next representable word towards 0.
+    pub fn representable(self, word: i64) -> i64 {
+        if !self.is_float() {
+            return word;
+        }
+        let shift = significant_shift(word.unsigned_abs().into(), self.significant_bits, 0);
+        word.signum() * (word.abs() >> shift << shift)
     }
 
     pub(super) fn check_float(self, text: &str) -> Result<(), String> {

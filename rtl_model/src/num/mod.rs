@@ -440,4 +440,4 @@ impl JsonSchema for Word {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -1,6 +1,6 @@
 //! Real numbers of words: powers of two, and bounds of rounding errors.
 
-use super::{Format, Rounding};
+use super::{Format, Rounding, Word};
 
 impl Format {
     /// Value of a word, for display and for the bench; units do not call this.
@@ -8,6 +8,60 @@ impl Format {
     pub fn value(self, word: i64) -> f64 {
         word as f64 * power_of_two(-self.frac_bits)
     }
+
+    /// Greatest distance between two neighbouring words up to a magnitude, in places of the format:
+    /// 1 in fixed point.
+    #[inline]
+    pub fn ulp_at(self, most: f64) -> f64 {
+        if !self.is_float() {
+            return 1.0;
+        }
+        let most = (most * power_of_two(self.frac_bits)).min(self.max() as f64);
+        power_of_two((floor_log2(most) - self.significant_bits + 1).max(0))
+    }
+}
+
+impl Word {
+    /// A number in places of the format, rounded, before limits.
+    #[inline]
+    pub fn rounded_real(self, places: f64) -> f64 {
+        let format = self.format;
+        if !format.is_float() {
+            return match self.round {
+                Rounding::Truncate => floor(places),
+                Rounding::Nearest => floor(places + 0.5),
+                Rounding::NearestEven => places.round_ties_even(),
+            };
+        }
+        let ulp = power_of_two((floor_log2(places.abs()) - format.significant_bits + 1).max(0));
+        let ulps = places / ulp;
+        ulp * match self.round {
+            Rounding::Truncate => ulps.trunc(),
+            Rounding::Nearest => ulps.round(),
+            Rounding::NearestEven => ulps.round_ties_even(),
+        }
+    }
+
+    /// Greatest error downwards and upwards, in ulp: half an ulp each, or a whole one for
+    /// truncation, which goes downwards in fixed point and towards zero in floating point.
+    #[inline]
+    pub fn loss(self) -> [f64; 2] {
+        match (self.round, self.format.is_float()) {
+            (Rounding::Truncate, false) => [1.0, 0.0],
+            (Rounding::Truncate, true) => [1.0; 2],
+            (Rounding::Nearest | Rounding::NearestEven, _) => [0.5; 2],
+        }
+    }
+}
+
+/// ⌊x⌋, fast for numbers in the range of i64.
+#[inline]
+fn floor(x: f64) -> f64 {
+    if x.abs() >= (1u64 << 52) as f64 || x.is_nan() {
+        return x;
+    }
+    let cut = x as i64 as f64;
+    if cut > x { cut - 1.0 } else { cut }
 }
 
 /// 2^exponent, fast for normal numbers.
@@ -24,15 +78,4 @@ pub fn power_of_two(exponent: i32) -> f64 {
 #[inline]
 pub fn floor_log2(x: f64) -> i32 {
     ((x.to_bits() >> 52) & 0x7ff) as i32 - 1023
-}
-
-/// Greatest error downwards and upwards, in ulp: half an ulp each, or a whole one downwards for
-/// truncation.
-#[inline]
-pub fn loss(round: Rounding) -> [f64; 2] {
-    if round == Rounding::Truncate {
-        [1.0, 0.0]
-    } else {
-        [0.5; 2]
-    }
 }

@@ -13,6 +13,20 @@ pub fn formats(width: std::ops::RangeInclusive<i32>) -> impl Strategy<Value = Fo
     })
 }
 
+/// A third of the formats as floating point, with at least 2 significant bits.
+pub fn also_floating(format: Format, pick: u32) -> Format {
+    let most = (format.magnitude_bits() - 1).min(float::MAX_SIGNIFICANT_BITS);
+    let significant_bits = if pick.is_multiple_of(3) && most >= 2 {
+        2 + (pick / 3) as i32 % (most - 1)
+    } else {
+        0
+    };
+    Format {
+        significant_bits,
+        ..format
+    }
+}
+
 /// A word of a format; its extremes are as frequent as all other words.
 pub fn word_of(format: Format, pick: u64) -> i64 {
     let any = ((pick >> 3) as i64).rem_euclid(1 << format.width()) + format.min();

@@ -204,6 +204,7 @@ impl Machine {
         let sort = self.sort.as_ref()?;
         e.port(unit::SORT, "key", sort.key);
         e.signedness(unit::SORT, "key", sort.key, false);
+        e.fixed_point(unit::SORT, "key", sort.key);
         e.within(unit::SORT, "digit_bits", sort.digit_bits, 1, 16);
         if let Some(bits) = sort.tile_bits {
             e.within(unit::SORT, "tile_bits", bits, 1, MOST_TILE_BITS);

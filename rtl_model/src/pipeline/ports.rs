@@ -105,7 +105,7 @@ pub struct Field {
 impl Field {
     /// Width in bits.
     pub fn width(&self) -> u32 {
-        self.word.format.width() as u32
+        self.word.format.stored_bits() as u32
     }
 }
 
@@ -130,6 +130,11 @@ pub struct Stream {
 }
 
 impl Stream {
+    /// Whether some fields are in floating point.
+    pub fn has_floats(&self) -> bool {
+        self.fields.iter().any(|field| field.word.format.is_float())
+    }
+
     fn new(name: &'static str) -> Self {
         Stream {
             name,

@@ -15,7 +15,7 @@ use super::{Direction, Real, Scale, floor_log2, norm, power_of_two};
 use crate::functions::map::real::RealMap;
 use crate::functions::table::real::Power;
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
-use crate::num::{Fit, Overflow, Rounding, Word};
+use crate::num::{Fit, Overflow, Word};
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// The signals that are words, by their index in the elaborated machine's list.
@@ -31,22 +31,9 @@ pub struct MixedPrecision<'a> {
     switches: Option<&'a Switches>,
 }
 
-/// ⌊x⌋, fast for numbers in the range of i64.
-fn floor(x: f64) -> f64 {
-    if x.abs() >= (1u64 << 52) as f64 || x.is_nan() {
-        return x;
-    }
-    let cut = x as i64 as f64;
-    if cut > x { cut - 1.0 } else { cut }
-}
-
 /// A number in ulp as a word.
 fn in_word(word: Word, places: f64) -> f64 {
-    let rounded = match word.round {
-        Rounding::Truncate => floor(places),
-        Rounding::Nearest => floor(places + 0.5),
-        Rounding::NearestEven => places.round_ties_even(),
-    };
+    let rounded = word.rounded_real(places);
     let (least, most) = (word.format.min() as f64, word.format.max() as f64);
     match word.overflow {
         Overflow::Saturate => rounded.clamp(least, most),

@@ -22,7 +22,7 @@
 pub mod frame;
 mod mixed_precision;
 
-pub use crate::num::real::{floor_log2, loss, power_of_two};
+pub use crate::num::real::{floor_log2, power_of_two};
 pub use mixed_precision::{MixedPrecision, Switches};
 
 use crate::frame::Scaled;
@@ -286,6 +286,24 @@ impl Near {
         self.at_limits(word, [low, high], [least, most], [fine, coarse])
     }
 
+    /// [`Near::in_word`] for floating point, whose ulp is that of the greatest magnitude, but at
+    /// least the format's. A magnitude that is relative to a number in [1, 2) can be in the binade
+    /// above.
+    #[cold]
+    fn in_float(self, word: Word, [fine, coarse]: [f64; 2]) -> Near {
+        let format = word.format;
+        let binade = if fine == coarse {
+            power_of_two(floor_log2(self.most()))
+        } else {
+            self.most()
+        };
+        let ulp = coarse.max(binade * power_of_two(1 - format.significant_bits));
+        let [down, up] = word.loss().map(|ulps| ulps * ulp);
+        let (low, high) = (self.low() - down, self.high() + up);
+        let ends = [format.min() as f64, format.max() as f64];
+        self.at_limits(word, [low, high], ends, [fine, coarse])
+    }
+
     /// [`Near::in_word`] for machine sides from `low` to `high` before the limits.
     #[cold]
     fn at_limits(
@@ -407,18 +425,25 @@ impl Real for Near {
     fn fit(self, fit: &Fit, scale: Scale) -> Near {
         let places = [scale.low, scale.high]
             .map(|exponent| power_of_two(exponent - fit.word.format.frac_bits));
-        self.in_word(fit.word, places, loss(fit.word.round))
+        if fit.word.format.is_float() {
+            return self.in_float(fit.word, places);
+        }
+        self.in_word(fit.word, places, fit.word.loss())
     }
 
     #[inline]
     fn refit(self, frac_bits: i32, fit: &Fit) -> Near {
         let format = fit.word.format;
+        let place = power_of_two(-format.frac_bits);
+        if format.is_float() {
+            return self.in_float(fit.word, [place; 2]);
+        }
         let loss = if frac_bits <= format.frac_bits {
             [0.0; 2]
         } else {
-            loss(fit.word.round)
+            fit.word.loss()
         };
-        self.in_word(fit.word, [power_of_two(-format.frac_bits); 2], loss)
+        self.in_word(fit.word, [place; 2], loss)
     }
 
     #[inline]
@@ -454,10 +479,13 @@ impl Real for Near {
             [1.0, 2.0]
         };
         let place = power_of_two(-fit.word.format.frac_bits);
+        if fit.word.format.is_float() {
+            return self.in_float(fit.word, [place / most, place / least]);
+        }
         let loss = if fit.places() + i64::from(high) <= 0 {
             [0.0; 2]
         } else {
-            loss(fit.word.round)
+            fit.word.loss()
         };
         self.in_word(fit.word, [place / most, place / least], loss)
     }

@@ -6,6 +6,7 @@ use crate::Machine;
 use crate::elaboration::Elaboration;
 use crate::functions::table::Table;
 use crate::machine::{FunctionUnit, Interpolation};
+use crate::num::tests::also_floating;
 use crate::num::{Exact, Format, Rounding};
 use serde_json::{Value, json};
 use std::fmt::Debug;
@@ -100,8 +101,10 @@ impl Rng {
             let format = Format {
                 int_bits: int_bits.max(1 - frac_bits),
                 frac_bits,
+                significant_bits: 0,
                 ..word.format
             };
+            let format = also_floating(format, self.below(90) as u32);
             let round =
                 self.one_of(&[Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
             let overflow = self.one_of(&[
@@ -110,6 +113,7 @@ impl Rng {
                 Overflow::Saturate,
                 Overflow::Wrap,
             ]);
+            let overflow = saturating_if_float(format, overflow);
             *leaf = serde_json::to_value(Word {
                 format,
                 round,
@@ -129,7 +133,13 @@ impl Rng {
 /// A register as the bench loads it.
 pub fn quantised(word: Word, value: f64) -> i64 {
     let format = word.format;
-    ((value * power_of_two(format.frac_bits)).round() as i64).clamp(format.min(), format.max())
+    let places = value * power_of_two(format.frac_bits);
+    let rounded = if format.is_float() {
+        word.rounded_real(places)
+    } else {
+        places.round()
+    };
+    (rounded as i64).clamp(format.min(), format.max())
 }
 
 /// A register: its word, and its exact and machine value.
@@ -195,6 +205,14 @@ impl NearPair {
     }
 }
 
+fn saturating_if_float(format: Format, overflow: Overflow) -> Overflow {
+    if format.is_float() {
+        Overflow::Saturate
+    } else {
+        overflow
+    }
+}
+
 fn some_fit(rng: &mut Rng) -> Fit {
     let format = Format {
         signed: true,
@@ -202,8 +220,10 @@ fn some_fit(rng: &mut Rng) -> Fit {
         frac_bits: rng.below(12) as i32,
         significant_bits: 0,
     };
+    let format = also_floating(format, rng.below(90) as u32);
     let round = rng.one_of(&[Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
     let overflow = rng.one_of(&[Overflow::Saturate, Overflow::Saturate, Overflow::Wrap]);
+    let overflow = saturating_if_float(format, overflow);
     Fit::new(
         0,
         Word {
@@ -333,12 +353,15 @@ fn near_holds_every_outcome() {
 /// them, and is tight.
 #[test]
 fn a_fit_is_within_its_bound() {
-    for (int_bits, frac_bits, signed) in [
-        (1, 3, false),
-        (3, 2, true),
-        (2, 0, true),
-        (1, 8, true),
-        (0, 4, false),
+    for (int_bits, frac_bits, signed, significant_bits) in [
+        (1, 3, false, 0),
+        (3, 2, true, 0),
+        (2, 0, true, 0),
+        (1, 8, true, 0),
+        (0, 4, false, 0),
+        (3, 6, true, 3),
+        (1, 8, false, 4),
+        (4, 2, true, 2),
     ] {
         for round in [Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven] {
             for overflow in [Overflow::Saturate, Overflow::Wrap] {
@@ -347,11 +370,14 @@ fn a_fit_is_within_its_bound() {
                         signed,
                         int_bits,
                         frac_bits,
-                        significant_bits: 0,
+                        significant_bits,
                     },
                     round,
                     overflow,
                 };
+                if word.format.is_float() && overflow == Overflow::Wrap {
+                    continue;
+                }
                 let fit = Fit::new(
                     0,
                     word,
@@ -381,6 +407,7 @@ fn a_fit_is_within_its_bound() {
                             (machine - value).abs() <= near.error,
                             "{word:?}: {exact}/64 is {machine}, {near:?}"
                         );
+                        // A floating-point word that loses nothing is bounded by half its ulp too.
                         if near.error.is_finite()
                             && near.error > 0.0
                             && fit.places() + i64::from(exponent) > 1

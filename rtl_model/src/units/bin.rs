@@ -114,6 +114,9 @@ impl BinWords {
             ("ellipse.conic", self.conic),
             ("ellipse.conic_cross", self.conic_cross),
         ] {
+            e.require(!word.format.is_float(), || {
+                format!("bin.test counts the last places of {name}, but {word} is floating point: use bin.test `box`, or fixed point")
+            });
             e.require(word.format.width() <= OPERAND_BITS, || {
                 format!(
                     "bin.test multiplies {name}, which is {word}: it can have at most {OPERAND_BITS} bits"

@@ -67,7 +67,7 @@ pub fn products(words: &machine::Colour, degree: u32) -> u32 {
 
 /// Bits of a splat's coefficients in memory.
 pub fn bits(words: &machine::Colour, degree: u32) -> i32 {
-    3 * coefficients(degree) as i32 * words.coefficient.format.width()
+    3 * coefficients(degree) as i32 * words.coefficient.format.stored_bits()
 }
 
 /// Critical path with harmonics of a degree.

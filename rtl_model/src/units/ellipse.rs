@@ -153,6 +153,8 @@ impl Ellipse {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, signed);
         }
+        // A box has an ulp more than the root.
+        e.fixed_point(UNIT, "extent", m.extent);
         e.signedness(UNIT, "determinant", m.determinant, false);
         e.saturates(UNIT, "determinant", m.determinant);
         // The magnitude of the least area and the sum of two variances are multiplier operands

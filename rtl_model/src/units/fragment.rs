@@ -124,12 +124,11 @@ impl<A: Accumulator, P: Probe, F: Fn(&Slot, &mut Tap<P>) -> Premultiplied> Mergi
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
-    let (weight, sum) = (
-        bits(machine.gauss.weight),
-        bits(m.colour_sum).max(bits(m.normal_sum)),
-    );
+    let weight = machine.gauss.weight;
     // The product runs in parallel with the match, and is registered behind it.
-    let product = Path::default().product(weight, bits(machine.splat.rgb).max(bits(m.normal)));
+    let product = Path::default()
+        .product_of(weight, machine.splat.rgb)
+        .parallel(Path::default().product_of(weight, m.normal));
     let matched = Path::default()
         .sum(bits(m.depth))
         .choose(m.layers.saturating_add(1));
@@ -139,8 +138,7 @@ pub fn path(machine: &Machine) -> Path {
             cycles: product.cycles + matched.cycles,
             ..product.parallel(matched)
         })
-        .sum(sum)
-        .fit(sum)
+        .accumulate([m.colour_sum, m.normal_sum])
         .choose(m.layers.saturating_add(1))
         .memory();
     // No other part of the path is longer.
@@ -163,21 +161,18 @@ fn sheet(machine: &Machine) -> Path {
         return Path::default();
     };
     let bits = |word: Word| word.format.width();
-    let (sum, ratio) = (
-        bits(m.colour_sum).max(bits(m.weight_sum)),
-        bits(words.ratio),
-    );
+    let sum = bits(m.colour_sum).max(bits(m.weight_sum));
     let summed = Path::default()
         .memory()
-        .product(bits(machine.gauss.weight), bits(machine.splat.rgb))
-        .sum(sum)
-        .fit(sum);
-    let scaled = summed
+        .product_of(machine.gauss.weight, machine.splat.rgb)
+        .accumulate([m.colour_sum, m.weight_sum]);
+    let looked_up = summed
         .fit(bits(words.depth_index))
-        .then(table::path(words.table, ratio))
-        .product(sum, ratio);
-    scaled
-        .fit(bits(machine.shade.premultiplied))
+        .then(table::path(words.table, bits(words.ratio)));
+    looked_up
+        .product_of(m.colour_sum, words.ratio)
+        .parallel(looked_up.product_of(m.weight_sum, words.ratio))
+        .fit_word(machine.shade.premultiplied, sum + bits(words.ratio))
         .then(over(machine))
         .sum(bits(m.opacity_sum))
         .choose(3)
@@ -189,12 +184,10 @@ fn sheet(machine: &Machine) -> Path {
 fn decision(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
-    let (depth, sum) = (bits(m.depth), bits(m.colour_sum).max(bits(m.normal_sum)));
     nearest(machine)
         .choose(m.layers)
-        .sum(sum)
-        .fit(sum)
-        .sum(depth)
+        .accumulate([m.colour_sum, m.normal_sum])
+        .sum(bits(m.depth))
         .choose(m.layers.saturating_add(1))
         .choose(3)
         .memory()
@@ -235,11 +228,12 @@ pub fn stamp(machine: &Machine) -> Path {
 
 /// Merges two shaded fragments: the front over the back, and the result into a slot.
 pub fn over(machine: &Machine) -> Path {
-    let light = machine.shade.premultiplied.format.width();
+    let light = machine.shade.premultiplied;
+    let bits = 2 * light.format.width();
     Path::default()
-        .product(light, light)
-        .sum(2 * light)
-        .fit(machine.fragment.colour_sum.format.width())
+        .product_of(light, light)
+        .sum(bits)
+        .fit_word(machine.fragment.colour_sum, bits)
 }
 
 /// Opacity, in `fragment.opaque`, from which a fragment counts as opaque.
@@ -302,7 +296,9 @@ impl Fragment {
         e.holds_one(UNIT, "normal", m.normal);
         e.port(UNIT, "opaque", m.opaque);
         e.holds_one(UNIT, "opaque", m.opaque);
+        e.fixed_point(UNIT, "opaque", m.opaque);
         e.signedness(UNIT, "depth", m.depth, false);
+        e.fixed_point(UNIT, "depth", m.depth);
         e.saturates(UNIT, "depth", m.depth);
         e.require(m.depth.format.width() <= MAX_DEPTH_BITS, || {
             format!("fragment.depth is {}, {} bits: the depth comparators take at most {MAX_DEPTH_BITS}", m.depth, m.depth.format.width())
@@ -495,11 +491,11 @@ impl Fragment {
         ];
         e.part(
             UNIT,
-            Operator::Hold(fresh.iter().map(|word| word.format.width()).sum()),
+            Operator::Hold(fresh.iter().map(|word| word.format.stored_bits()).sum()),
         );
         // Colours of the front, of the back and of the result, of four words each.
         e.copies(3 * 4, |e| {
-            e.choice(UNIT, 2, machine.shade.premultiplied.format.width())
+            e.choice(UNIT, 2, machine.shade.premultiplied.format.stored_bits())
         });
         // Each written slot selects the sums, the merged slot, or the slot that moves there.
         let written = |e: &mut Elaboration, slots: u32, more: u32| {

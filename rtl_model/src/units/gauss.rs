@@ -101,6 +101,7 @@ impl Gauss {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
         }
+        e.fixed_point(UNIT, "radial_index", m.radial_index);
         e.holds_one(UNIT, "falloff", m.falloff);
         let argument = m.radial_index.format;
         e.require(argument.int_bits <= 5, || {

@@ -253,11 +253,11 @@ pub fn path(machine: &Machine) -> Path {
     );
     let seed = Path::default()
         .sum(bits(machine.project.pixel))
-        .fit(offset)
-        .product(conic, offset)
+        .fit_word(m.offset, bits(machine.project.pixel))
+        .product_of(machine.ellipse.conic, m.offset)
         .sum(conic + offset)
-        .fit(gradient)
-        .product(offset, gradient)
+        .fit_word(m.gradient, conic + offset)
+        .product_of(m.offset, m.gradient)
         .sum(offset + gradient)
         .fit(bits(m.radial));
     // To a tile: products are ready with the seed, and sums take no extra cycles. Down and across
@@ -364,7 +364,9 @@ impl Raster {
             ("depth", m.depth),
         ] {
             e.signedness(UNIT, name, word, true);
+            e.fixed_point(UNIT, name, word);
         }
+        e.fixed_point(UNIT, "cutoff", m.cutoff);
         e.holds_one(UNIT, "offset", m.offset);
         let f = |word: Word| word.format.frac_bits;
         for (name, word) in [
@@ -390,7 +392,7 @@ impl Raster {
             )
         });
         let pixel = machine.project.pixel;
-        let bits = |word: Word| word.format.width();
+        let bits = |word: Word| word.format.stored_bits();
         // The splat is held while it is walked.
         let held = 2 * (bits(pixel) + bits(s.conic) + bits(s.depth_slope))
             + bits(s.conic_cross)

@@ -97,7 +97,7 @@ impl Resolve {
         // The three sums are registered. The transmittance register is loaded with 1, with the
         // value behind a layer, or keeps its value.
         e.copies(3, |e| e.part(UNIT, Operator::Register(sum.bits())));
-        e.choice(UNIT, 3, m.transmittance.format.width());
+        e.choice(UNIT, 3, m.transmittance.format.stored_bits());
         let g = &mut Builder::new(e, UNIT);
         let results = layered(g, machine, sum);
         let layer = g.build(results);

@@ -74,22 +74,21 @@ pub fn path(machine: &Machine) -> Path {
     ];
     let unit_normal = Path::default()
         .normalise(bits(f.weight_sum))
-        .product(share, share)
+        .product_of(m.normal_share, m.normal_share)
         .sum_of_three(2 * share)
         .then(square_root::path(m.root, 2 * share))
-        .product(share, root)
+        .product(m.normal_share.format.factor_bits(), root)
         .shift(normal)
-        .fit(normal);
-    let shining = table::path(m.highlight_table, bits(m.highlight))
-        .product(bits(m.highlight), bits(m.reflectance));
+        .fit_word(m.normal, share + root);
+    let shining =
+        table::path(m.highlight_table, bits(m.highlight)).product_of(m.highlight, m.reflectance);
     let lighting = Path::default()
-        .product(bits(m.cosine), bits(m.reflectance))
-        .sum(bits(m.irradiance))
-        .fit(bits(m.irradiance))
-        .product(bits(m.rgb), bits(m.irradiance));
+        .product_of(m.cosine, m.reflectance)
+        .accumulate([m.irradiance])
+        .product_of(m.rgb, m.irradiance);
     let prepared = reciprocal::path(m.reciprocal, bits(f.weight_sum)).parallel(unit_normal);
     let lit = prepared
-        .product(normal, bits(m.light))
+        .product_of(m.normal, m.light)
         .sum_of_three(normal + bits(m.light))
         .fit(bits(m.cosine))
         // Each has registers of its own, and coverage some.
@@ -97,8 +96,7 @@ pub fn path(machine: &Machine) -> Path {
             cycles: shining.cycles + lighting.cycles + SUM,
             ..shining.parallel(lighting)
         })
-        .sum(bits(m.colour))
-        .fit(bits(m.colour));
+        .accumulate([m.colour]);
     let leaving = match &machine.reflect {
         None => lit,
         Some(m) => lit
@@ -106,8 +104,8 @@ pub fn path(machine: &Machine) -> Path {
             .then(reflect::way_to_colour(machine, m)),
     };
     leaving
-        .product(bits(m.colour), bits(m.premultiplied))
-        .fit(bits(m.premultiplied))
+        .product_of(m.colour, m.premultiplied)
+        .fit_word(m.premultiplied, bits(m.colour) + bits(m.premultiplied))
 }
 
 /// The elaborated unit.
@@ -176,6 +174,9 @@ impl Shade {
             e.signedness(UNIT, name, word, signed);
             e.holds_one(UNIT, name, word);
         }
+        // A cosine is the argument of a table, up to the last place below 1.
+        e.fixed_point(UNIT, "cosine", m.cosine);
+        e.fixed_point(UNIT, "highlight", m.highlight);
         e.normaliser(UNIT, f.weight_sum.format.width());
         let reciprocal = Reciprocal::new(
             e,
@@ -211,7 +212,10 @@ impl Shade {
         // Its words are the materials': as many as a frame has.
         e.part(
             UNIT,
-            Operator::Rom([1 << highlight_table.index_bits, m.highlight.format.width()]),
+            Operator::Rom([
+                1 << highlight_table.index_bits,
+                m.highlight.format.stored_bits(),
+            ]),
         );
         let colour_frac_bits = coloured.frac_bits.max(glossy.frac_bits);
         // At most 1, and coverage 1 from the threshold on.
@@ -220,7 +224,7 @@ impl Shade {
         e.adders(UNIT, 1, f.weight_sum.format.width());
         // The normal, turned; cosines, not negative, and that of a highlight below 1.
         e.copies(3, |e| e.limit(UNIT, m.normal.format.width()));
-        e.choice(UNIT, 3, m.cosine.format.width());
+        e.choice(UNIT, 3, m.cosine.format.stored_bits());
         e.limit(UNIT, m.cosine.format.width());
         let places = |finer: i32, coarser: i32| (finer - coarser).clamp(0, 62) as u32;
         Shade {

@@ -161,10 +161,9 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
             all.push((format!("VIEW_{}_LSB", constant(&own)), place.into()));
         }
     }
-    let aspect = m
-        .ellipse
-        .aspect
-        .map_or([0; 2], |word| [word.format.width(), word.format.frac_bits]);
+    let aspect = m.ellipse.aspect.map_or([0; 2], |word| {
+        [word.format.stored_bits(), word.format.frac_bits]
+    });
     all.extend([
         ("VIEW_ASPECT_W".to_owned(), aspect[0].into()),
         ("VIEW_ASPECT_F".to_owned(), aspect[1].into()),
@@ -369,6 +368,13 @@ pub fn enums(kind: Kind) -> serde_json::Value {
     serde_json::Value::Object(entry.collect())
 }
 
+/// Whether some words are in floating point.
+fn has_floats(machine: &Elaborated, kind: Kind) -> bool {
+    words(machine, kind)
+        .iter()
+        .any(|(_, word)| word.format.is_float())
+}
+
 /// The package `machine_pkg`, for one machine and the number of lights and materials of a frame.
 pub fn package(machine: &Elaborated, frame: &Frame) -> String {
     // Read once, before the RTL implementations, which differ if materials are reflective.
@@ -377,9 +383,15 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
         false if frame.surroundings.is_some() => "`define MACHINE_MIRRORS\n",
         false => "",
     };
+    let floats = if has_floats(machine, Kind::of(frame)) {
+        "// Floating-point words: also _P significant bits. The bits are sign, exponent e and fraction f; the value is f*2^-F if e is 0, else (2^(P-1) + f)*2^(e-1-F).\n"
+    } else {
+        ""
+    };
     let mut text = format!(
         "// Formats, rules, timing and records of the machine {}, written by splatsim {}.\n\
          // For each word: _W bits, _F fraction bits, _S signed, _ROUND 0 truncate, 1 nearest, 2 nearest-even, _WRAP 0 saturate, 1 wrap.\n\
+         {floats}\
          // For each record: _W bits, and _LSB and _W of each field.\n\
          `timescale 1ns / 1ps\n{mirrors}`default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
         machine.machine.name,
@@ -391,13 +403,18 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
         let _ = write!(text, "\n  // {path}: {word}\n");
         let format = word.format;
         let parts = [
-            ("W", format.width()),
+            ("W", format.stored_bits()),
             ("F", format.frac_bits),
             ("S", format.signed.into()),
             ("ROUND", round.into()),
             ("WRAP", (word.overflow == Overflow::Wrap).into()),
         ];
-        let lines = parts.map(|(part, value)| format!("localparam int {name}_{part} = {value};"));
+        let significant = format.is_float().then_some(("P", format.significant_bits));
+        let lines: Vec<String> = parts
+            .into_iter()
+            .chain(significant)
+            .map(|(part, value)| format!("localparam int {name}_{part} = {value};"))
+            .collect();
         let _ = writeln!(text, "  {}", lines.join(" "));
     }
     text.push_str("\n  // Tables, rules and timing.\n");
@@ -493,10 +510,19 @@ pub fn structs(machine: &Elaborated, kind: Kind) -> String {
 /// The records as a C header: positions and widths as constants, one struct per record, and a table
 /// of its fields.
 pub fn c_header(machine: &Elaborated, kind: Kind) -> String {
-    let mut text = String::from(
-        "/* Records of a trace: bit places, structs and tables of fields. value = word * 2^-fraction_bits */\n\
+    let floats = has_floats(machine, kind);
+    let (note, member) = if floats {
+        (
+            "/* Where significant_bits is not 0, the bits are sign, exponent e and fraction f, and word is f if e is 0, else (2^(significant_bits-1) + f) * 2^(e-1). */\n",
+            ", significant_bits",
+        )
+    } else {
+        ("", "")
+    };
+    let mut text = format!(
+        "/* Records of a trace: bit places, structs and tables of fields. value = word * 2^-fraction_bits */\n{note}\
          #ifndef SPLATSIM_RECORDS_H\n#define SPLATSIM_RECORDS_H\n#include <stdint.h>\n\n\
-         typedef struct {\n  const char *name;\n  int lsb, width, is_signed, fraction_bits;\n} splatsim_field;\n",
+         typedef struct {{\n  const char *name;\n  int lsb, width, is_signed, fraction_bits{member};\n}} splatsim_field;\n",
     );
     for codes in codes(kind) {
         let items: Vec<String> = codes
@@ -531,11 +557,19 @@ pub fn c_header(machine: &Elaborated, kind: Kind) -> String {
         );
         for (field, place) in stream.fields.iter().zip(stream.places()) {
             let Format {
-                signed, frac_bits, ..
+                signed,
+                frac_bits,
+                significant_bits,
+                ..
             } = field.word.format;
+            let significant = if floats {
+                format!(", {significant_bits}")
+            } else {
+                String::new()
+            };
             let _ = writeln!(
                 text,
-                "  {{\"{}\", {place}, {}, {}, {frac_bits}}},",
+                "  {{\"{}\", {place}, {}, {}, {frac_bits}{significant}}},",
                 field.name,
                 field.width(),
                 i32::from(signed)
@@ -557,10 +591,13 @@ fn meaning(field: &Field) -> String {
 /// Every word and every number, for the manifest.
 pub fn words_and_numbers(machine: &Elaborated, frame: &Frame) -> serde_json::Value {
     let described = words(machine, Kind::of(frame)).into_iter().map(|(path, word)| {
-        let Format { signed, int_bits, frac_bits, .. } = word.format;
-        let entry = serde_json::json!({
+        let Format { signed, int_bits, frac_bits, significant_bits } = word.format;
+        let mut entry = serde_json::json!({
             "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits, "round": word.round, "overflow": word.overflow,
         });
+        if significant_bits > 0 {
+            entry["significant_bits"] = significant_bits.into();
+        }
         (path, entry)
     });
     let numbers = numbers(machine, frame)
@@ -654,11 +691,14 @@ pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
 pub fn fields(stream: &Stream, kind: Kind) -> Vec<serde_json::Value> {
     let codes = codes(kind);
     let described = stream.fields.iter().zip(stream.places()).map(|(field, place)| {
-        let Format { signed, int_bits, frac_bits, .. } = field.word.format;
+        let Format { signed, int_bits, frac_bits, significant_bits } = field.word.format;
         let full_name = format!("{}.{}", stream.name, field.name);
         let mut entry = serde_json::json!({
             "name": field.name, "lsb": place, "width": field.width(), "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits,
         });
+        if significant_bits > 0 {
+            entry["significant_bits"] = significant_bits.into();
+        }
         if let Some(signal) = &field.signal {
             entry["signal"] = signal.clone().into();
             entry["round"] = serde_json::to_value(field.word.round).unwrap_or_default();

@@ -2,14 +2,14 @@
 //!
 //! The first field is in the most significant bits. Bits that fill up the top digit are 0.
 
+use rtl_model::num::Format;
 use rtl_model::pipeline::ports::Stream;
 
 /// Layout of a stream's records.
 #[derive(Clone, Debug)]
 pub struct RecordLayout {
-    /// Bits of each field, from the top.
-    widths: Vec<u32>,
-    signed: Vec<bool>,
+    /// Format of each field, from the top.
+    formats: Vec<Format>,
     /// For each field, the indices of the flag fields that make it unused, and 0.
     unless: Vec<Vec<usize>>,
     /// Bits of a record.
@@ -60,11 +60,10 @@ impl RecordLayout {
     pub fn new(stream: &Stream) -> Self {
         let place = |name: &str| stream.fields.iter().position(|field| field.name == name);
         RecordLayout {
-            widths: stream.fields.iter().map(|field| field.width()).collect(),
-            signed: stream
+            formats: stream
                 .fields
                 .iter()
-                .map(|field| field.word.format.signed)
+                .map(|field| field.word.format)
                 .collect(),
             unless: stream
                 .fields
@@ -75,24 +74,26 @@ impl RecordLayout {
         }
     }
 
-    /// A layout of fields with these widths and signs. Some are 0 if another field, given by its
-    /// index, is not 0.
-    pub fn of(widths: Vec<u32>, signed: Vec<bool>, unless: Vec<Vec<usize>>) -> Self {
+    /// A layout of fields of these formats. Some are 0 if another field, given by its index, is not
+    /// 0.
+    pub fn of(formats: Vec<Format>, unless: Vec<Vec<usize>>) -> Self {
         RecordLayout {
-            width: widths.iter().sum(),
-            widths,
-            signed,
+            width: formats
+                .iter()
+                .map(|format| format.stored_bits() as u32)
+                .sum(),
+            formats,
             unless,
         }
     }
 
     /// The layout of unsigned fields of these widths.
     pub fn of_naturals(widths: &[u32]) -> Self {
-        RecordLayout::of(
-            widths.to_vec(),
-            vec![false; widths.len()],
-            vec![Vec::new(); widths.len()],
-        )
+        let formats = widths
+            .iter()
+            .map(|width| Format::unsigned(*width as i32, 0))
+            .collect();
+        RecordLayout::of(formats, vec![Vec::new(); widths.len()])
     }
 
     /// Hexadecimal digits of a record.
@@ -111,11 +112,13 @@ impl RecordLayout {
 
     /// Appends a record's digits and a newline.
     pub fn write(&self, words: &[i64], text: &mut Vec<u8>) {
-        debug_assert_eq!(words.len(), self.widths.len(), "as many words as fields");
+        debug_assert_eq!(words.len(), self.formats.len(), "as many words as fields");
         // At most a word of 63 bits and three bits left over.
         let (mut held, mut bits) = (0u128, self.digits() as u32 * 4 - self.width);
-        for (&word, &width) in words.iter().zip(&self.widths) {
-            held = held << width | u128::from(word as u64 & ((1 << width) - 1));
+        for (&word, format) in words.iter().zip(&self.formats) {
+            debug_assert_eq!(word, format.representable(word), "{format}");
+            let width = format.stored_bits() as u32;
+            held = held << width | u128::from(format.stored(word));
             bits += width;
             while bits >= 4 {
                 bits -= 4;
@@ -145,25 +148,17 @@ impl RecordLayout {
         if held >> bits != 0 {
             return Err(Malformed::TooWide);
         }
-        let words = self
-            .widths
-            .iter()
-            .zip(&self.signed)
-            .map(|(&width, &signed)| {
-                while bits < width {
-                    held = held << 4 | digits.next().unwrap_or(0);
-                    bits += 4;
-                }
-                bits -= width;
-                let word = (held >> bits) as i64;
-                held &= (1 << bits) - 1;
-                let unused = 64 - width;
-                if signed {
-                    word << unused >> unused
-                } else {
-                    word
-                }
-            });
+        let words = self.formats.iter().map(|format| {
+            let width = format.stored_bits() as u32;
+            while bits < width {
+                held = held << 4 | digits.next().unwrap_or(0);
+                bits += 4;
+            }
+            bits -= width;
+            let stored = (held >> bits) as u64;
+            held &= (1 << bits) - 1;
+            format.restored(stored)
+        });
         Ok(words.collect())
     }
 }
@@ -176,12 +171,11 @@ mod tests {
     proptest! {
         #[test]
         fn a_record_is_read_as_it_was_written(fields in prop::collection::vec((1u32..=63, any::<bool>(), any::<i64>()), 1..20)) {
-            let layout = RecordLayout {
-                widths: fields.iter().map(|field| field.0).collect(),
-                signed: fields.iter().map(|field| field.1).collect(),
-                unless: vec![Vec::new(); fields.len()],
-                width: fields.iter().map(|field| field.0).sum(),
-            };
+            let formats = fields.iter().map(|&(width, signed, _)| Format {
+                signed,
+                ..Format::unsigned(width as i32, 0)
+            });
+            let layout = RecordLayout::of(formats.collect(), vec![Vec::new(); fields.len()]);
             let words: Vec<i64> = fields.iter().map(|&(width, signed, word)| {
                 let top = word << (64 - width);
                 if signed { top >> (64 - width) } else { (top as u64 >> (64 - width)) as i64 }

@@ -91,7 +91,7 @@ impl Random {
         if self.one_in(4) {
             self.among(&corners(format))
         } else {
-            word
+            format.representable(word)
         }
     }
 }
@@ -128,6 +128,7 @@ fn corners(format: Format) -> Vec<i64> {
     let mut corners: Vec<i64> = all
         .into_iter()
         .filter(|word| (format.min()..=format.max()).contains(word))
+        .map(|word| format.representable(word))
         .collect();
     corners.sort_unstable();
     corners.dedup();
@@ -344,6 +345,17 @@ impl Maker<'_> {
         })
     }
 
+    /// Words as the fields of a stream can hold them.
+    fn held(&self, stream: &str, mut words: Vec<i64>) -> Vec<i64> {
+        if self.streams.iter().any(Stream::has_floats) {
+            let formats = self.formats(stream);
+            for (word, format) in words.iter_mut().zip(formats) {
+                *word = format.representable(*word);
+            }
+        }
+        words
+    }
+
     fn requests_have_pixel(&self) -> bool {
         asks_for_pixel(&self.machine.machine, Kind::of(self.frame))
     }
@@ -434,6 +446,11 @@ impl Maker<'_> {
         ]);
         for (kind, records) in kinds {
             for words in records {
+                let words: Vec<i64> = words
+                    .iter()
+                    .zip(&formats)
+                    .map(|(word, format)| format.representable(*word))
+                    .collect();
                 let (position, own) = ([words[0], words[1], words[2]], &words[3..]);
                 // The last word of an ellipsoid is its opacity.
                 let opacity = if self.frame.ellipsoids.is_some() {
@@ -528,6 +545,7 @@ impl Maker<'_> {
         kinds.push(("near the eye".into(), near));
         for (kind, records) in kinds {
             for words in records {
+                let words = self.held("colour.in", words);
                 let input = self.push("colour.in", words.clone(), key(UNKNOWN));
                 let made = unit_replay::colour(self.machine, self.frame, &words, &mut self.seen);
                 let flags = self.seen.flush();
@@ -545,6 +563,7 @@ impl Maker<'_> {
 
     /// One case of `ellipse`; returns the flags of its words.
     fn set_up(&mut self, words: Vec<i64>, parent: usize, before: u8) -> u8 {
+        let words = self.held("ellipse.in", words);
         let input = self.push("ellipse.in", words.clone(), key(parent));
         let size_px = [self.frame.width, self.frame.height];
         let (machine, frame, coverage) = (self.machine, self.frame, &mut self.seen);
@@ -659,6 +678,9 @@ impl Maker<'_> {
                 input[9..].copy_from_slice(&[left, right, top, bottom]);
                 if self.random.one_in(2) {
                     self.put_in_box(&mut input);
+                }
+                for (word, format) in input.iter_mut().zip(&formats[1..]) {
+                    *word = format.representable(*word);
                 }
                 let number = self
                     .out
@@ -801,6 +823,8 @@ impl Maker<'_> {
             .chain((least > 1).then(|| ("least weight", self.near_least())))
         {
             for [radial_word, amplitude] in records {
+                let format = self.machine.machine.ellipse.amplitude.format;
+                let amplitude = format.representable(amplitude);
                 let words = [radial_word.clamp(0, radial.max()), amplitude];
                 let parent = self.push("gauss.in", words.to_vec(), key(UNKNOWN));
                 let weight = unit_replay::gauss(self.machine, words, &mut self.seen);
@@ -950,6 +974,7 @@ impl Maker<'_> {
     }
 
     fn contribution(&mut self, unit: &mut Fragments, pixel: usize, held: &[Slot], words: Vec<i64>) {
+        let words = self.held("fragment.in", words);
         let at = [words[0], words[1]];
         let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
         let mut requests: Vec<(Slot, Premultiplied)> = Vec::new();
@@ -1151,7 +1176,12 @@ impl Maker<'_> {
         kinds.push(("likely sums".into(), likely));
         let mut first = 0;
         for (kind, records) in kinds {
-            for mut words in records {
+            for words in records {
+                let mut words: Vec<i64> = words
+                    .iter()
+                    .zip(&formats)
+                    .map(|(word, format)| format.representable(*word))
+                    .collect();
                 let material = self
                     .random
                     .below(self.frame.lighting.materials.len() as i64);
@@ -1277,7 +1307,7 @@ fn answer(random: &mut Random, machine: &Elaborated) -> Premultiplied {
     };
     let colour = [(); 3].map(|()| random.word(format).min(format.one()));
     Premultiplied {
-        colour,
-        opacity: opacity.clamp(0, format.one()),
+        colour: colour.map(|channel| format.representable(channel)),
+        opacity: format.representable(opacity.clamp(0, format.one())),
     }
 }

@@ -165,7 +165,9 @@ impl<'a> Waves<'a> {
             let first = self.wires.len();
             self.wires.extend(stream.fields.iter().map(|field| {
                 let format = field.word.format;
-                let range = Some([format.int_bits - 1, -format.frac_bits]);
+                // The bits of a stored floating-point word have no places.
+                let range =
+                    (!format.is_float()).then_some([format.int_bits - 1, -format.frac_bits]);
                 WaveWire {
                     unit,
                     lane: (lanes > 1).then_some(lane),

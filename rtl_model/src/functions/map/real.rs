@@ -11,7 +11,7 @@
 
 use super::Map;
 use crate::num::Fit;
-use crate::num::real::{loss, power_of_two};
+use crate::num::real::power_of_two;
 
 /// A map, and the exact values of its texels.
 #[derive(Clone, Debug)]
@@ -76,7 +76,7 @@ impl RealMap {
     pub fn error(&self, at: [f64; 2], low: [f64; 2], high: [f64; 2]) -> [f64; 3] {
         let steps = (self.map.side() - 1) as f64;
         let places = [0, 1].map(|axis| [self.step(low[axis]).0, self.step(high[axis]).0]);
-        let [down, up] = loss(self.map.fraction.word.round);
+        let [down, up] = self.map.fraction.word.loss();
         let place = power_of_two(-self.map.fraction.word.format.frac_bits);
         // In steps. A fraction that is rounded up is at most 1.
         let moved = [0, 1].map(|axis| {
@@ -84,7 +84,7 @@ impl RealMap {
                 .max(high[axis].clamp(0.0, 1.0) - at[axis].clamp(0.0, 1.0));
             off.max(0.0) * steps + down.max(up) * place
         });
-        let [less, more] = loss(self.map.light.word.round);
+        let [less, more] = self.map.light.word.loss();
         let rounding = less.max(more) * power_of_two(-self.map.light.word.format.frac_bits);
         let exact = self.exact(at);
         let Met {

@@ -3,7 +3,7 @@
 use super::Table;
 use crate::machine::Interpolation;
 use crate::num::Fit;
-use crate::num::real::{loss, power_of_two};
+use crate::num::real::power_of_two;
 
 /// Greatest distance between a table of unrounded words and a function with |f'| and |f''| up to
 /// these limits.
@@ -19,7 +19,7 @@ pub fn between(interpolation: Interpolation, step: f64, slope: f64, curvature: f
 /// Greatest distance between a table, before its result is fitted, and a function with |f'| and
 /// |f''| up to these limits.
 ///
-/// The rounding of a word adds half an ulp to [`between`]: an interpolated point is off by at most
+/// The rounding of a word adds half an ulp, at most that of the greatest word, to [`between`]: an interpolated point is off by at most
 /// the larger error of its two words.
 pub fn error(
     fit: &Fit,
@@ -28,7 +28,8 @@ pub fn error(
     slope: f64,
     curvature: f64,
 ) -> f64 {
-    let place = power_of_two(-fit.word.format.frac_bits);
+    let format = fit.word.format;
+    let place = format.ulp_at(f64::INFINITY) * power_of_two(-format.frac_bits);
     between(interpolation, step, slope, curvature) + place / 2.0
 }
 
@@ -70,7 +71,7 @@ impl Power {
         let place = power_of_two(-table.fit.word.format.frac_bits);
         let is_line = table.fraction_bits > 0 && table.words.iter().any(|[_, delta]| *delta != 0);
         let [down, up] = if is_line {
-            loss(table.fit.word.round)
+            table.fit.word.loss()
         } else {
             [0.0; 2]
         };

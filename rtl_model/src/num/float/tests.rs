@@ -1,9 +1,15 @@
 //! Floating-point words beside the crate `half` and beside lists of every value.
 
 use super::*;
+use crate::elaboration::Elaboration;
+use crate::graph::{Builder, Graph};
 use crate::num::{Exact, Fit, Overflow, Rounding, Word};
+use crate::probe::{NoProbe, Tap};
 use half::f16;
 use proptest::prelude::*;
+
+/// Pairs of 16 bits.
+const PAIRS: u32 = 10_000_000;
 
 /// A format of the notation.
 fn format(text: &str) -> Format {
@@ -64,6 +70,123 @@ fn named_formats_have_the_fields_and_limits_of_their_standards() {
     assert_eq!(format("U1F24S11").to_string(), "U1F24S11");
     // 25 magnitude bits, 15 exponents and the code of subnormal numbers: 4 + 10 bits.
     assert_eq!(format("U1F24S11").stored_bits(), 14);
+}
+
+/// The rounded product and sum of two words, as graphs that elaborate.
+fn operators(factors: [Format; 2], result: Format, round: Rounding) -> [Graph<1>; 2] {
+    let word = Word::new(result).rounded(round);
+    [true, false].map(|is_product| {
+        let mut e = Elaboration::default();
+        let g = &mut Builder::new(&mut e, "unit");
+        let [a, b] = factors.map(|format| g.input(Word::new(format)));
+        let exact = if is_product {
+            g.times(a, b)
+        } else {
+            g.plus(a, b)
+        };
+        let fitted = g.fit("result", word, exact);
+        let graph = g.build([fitted]);
+        assert_eq!(e.errors, [""; 0], "{factors:?}");
+        graph
+    })
+}
+
+/// The value that a graph makes of two values.
+fn made(graph: &Graph<1>, formats: [Format; 2], values: [f64; 2], result: Format) -> f64 {
+    let words = [0, 1].map(|nth| {
+        let word = values[nth] * 2f64.powi(formats[nth].frac_bits);
+        assert_eq!(word, word.trunc());
+        word as i64
+    });
+    let [word] = graph.one(&words, &mut Tap::new(&mut NoProbe));
+    result.value(word)
+}
+
+/// Formats in which every number of FP8 (E5M2) is one of two, so that products have 62 bits.
+const HALVES: [&str; 2] = ["I16F16S3", "I17F15S3"];
+
+#[test]
+fn every_product_and_sum_of_8_bits_is_the_nearest_word() {
+    let e4m3 = values(4, 3, -6, 448.0);
+    let e5m2 = values(5, 2, -14, 57344.0);
+    for (numbers, result, factors) in [
+        (e4m3, "FP8(E4M3)", ["FP8(E4M3)"; 2]),
+        (e5m2, "FP8(E5M2)", HALVES),
+    ] {
+        let result = format(result);
+        let factors = factors.map(format);
+        let least = factors.map(|format| format.value(1));
+        // The first format holds small numbers, the second large ones.
+        let half = |value: f64| usize::from(value.abs() > factors[0].value(factors[0].max()));
+        let graphs = [0, 1].map(|a| {
+            [0, 1].map(|b| operators([factors[a], factors[b]], result, Rounding::NearestEven))
+        });
+        let signed: Vec<f64> = numbers.iter().flat_map(|value| [*value, -value]).collect();
+        for a in &signed {
+            for b in &signed {
+                let halves = [half(*a), half(*b)];
+                let formats = halves.map(|half| factors[half]);
+                assert!(
+                    [a, b]
+                        .into_iter()
+                        .zip(halves)
+                        .all(|(x, half)| x % least[half] == 0.0)
+                );
+                for (graph, exact) in graphs[halves[0]][halves[1]].iter().zip([a * b, a + b]) {
+                    let made = made(graph, formats, [*a, *b], result);
+                    assert_eq!(made, nearest(&numbers, exact), "{a} and {b}: {exact}");
+                }
+            }
+        }
+    }
+}
+
+/// Formats in which products of many numbers of FP16 have 62 bits: below 64, and multiples of
+/// 2^−14.
+const RANGES: [&str; 2] = ["I7F24S11", "I17F14S11"];
+
+#[test]
+fn products_and_sums_of_16_bits_are_those_of_the_crate_half() {
+    let result = format("FP16");
+    let most = f16::MAX.to_f64();
+    let mut state = 1u64;
+    let mut pairs = [0; 3];
+    let ranges = RANGES.map(format);
+    let products = [0, 1].map(|a| {
+        [0, 1].map(|b| {
+            let [product, _] = operators([ranges[a], ranges[b]], result, Rounding::NearestEven);
+            product
+        })
+    });
+    let [_, sum] = operators([result; 2], result, Rounding::NearestEven);
+    // The crate rounds f64 to FP16 once.
+    let expected = |exact: f64| f16::from_f64(exact).to_f64().clamp(-most, most);
+    for _ in 0..PAIRS {
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        let numbers = [state >> 48, state >> 32].map(|bits| f16::from_bits(bits as u16));
+        if !numbers.iter().all(|number| number.is_finite()) {
+            continue;
+        }
+        let [a, b] = numbers.map(f16::to_f64);
+        let made_sum = made(&sum, [result; 2], [a, b], result);
+        assert_eq!(made_sum, expected(a + b), "{a} + {b}");
+        pairs[2] += 1;
+        let range = [a, b].map(|x| {
+            ranges.iter().position(|format| {
+                x.abs() <= format.value(format.max()) && x % format.value(1) == 0.0
+            })
+        });
+        let [Some(of_a), Some(of_b)] = range else {
+            continue;
+        };
+        let graph = &products[of_a][of_b];
+        let made = made(graph, [ranges[of_a], ranges[of_b]], [a, b], result);
+        assert_eq!(made, expected(a * b), "{a} · {b}");
+        pairs[usize::from(of_a + of_b > 0)] += 1;
+    }
+    assert!(pairs.iter().all(|count| *count > PAIRS / 10), "{pairs:?}");
 }
 
 #[test]

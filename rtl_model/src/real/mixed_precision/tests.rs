@@ -3,7 +3,8 @@
 use super::*;
 use crate::elaboration::Elaboration;
 use crate::machine::FunctionUnit;
-use crate::num::{Exact, Format};
+use crate::num::tests::also_floating;
+use crate::num::{Exact, Format, Rounding};
 use crate::probe::{NoProbe, Tap};
 use proptest::prelude::*;
 
@@ -17,16 +18,23 @@ fn words() -> impl Strategy<Value = Word> {
         Rounding::NearestEven,
     ]);
     let overflow = prop::sample::select(vec![Overflow::Saturate, Overflow::Wrap]);
-    (any::<bool>(), 0..24, 2..24, round, overflow).prop_map(
-        |(signed, frac_bits, width, round, overflow)| Word {
-            format: Format {
+    (any::<bool>(), 0..24, 2..24, round, overflow, any::<u32>()).prop_map(
+        |(signed, frac_bits, width, round, overflow, pick)| {
+            let format = Format {
                 signed,
                 int_bits: width - frac_bits,
                 frac_bits,
                 significant_bits: 0,
-            },
-            round,
-            overflow,
+            };
+            let format = match overflow {
+                Overflow::Saturate => also_floating(format, pick),
+                Overflow::Wrap => format,
+            };
+            Word {
+                format,
+                round,
+                overflow,
+            }
         },
     )
 }

@@ -16,7 +16,7 @@
 
 use super::{COLOUR, Fragment, NORMAL, OPACITY};
 use crate::num::Fit;
-use crate::real::{Real, Scale, loss};
+use crate::real::{Real, Scale};
 
 impl Fragment {
     /// A sum after one more contribution: lane by lane as in [`super::Sums`].
@@ -37,12 +37,14 @@ impl Fragment {
     /// Greatest error, down and up, that the roundings of this many contributions cause, where the
     /// sum stays in its format's range.
     pub fn accumulation_loss(&self, lane: usize, contributions: u32) -> [f64; 2] {
-        let fit = &self.sums[lane];
-        if fit.places() <= 0 {
+        let (fit, format) = (&self.sums[lane], self.sums[lane].word.format);
+        if fit.places() <= 0 && !format.is_float() {
             return [0.0; 2];
         }
-        loss(fit.word.round)
-            .map(|places| places * f64::from(contributions) * fit.word.format.value(1))
+        let place = format.value(1) * format.ulp_at(f64::INFINITY);
+        fit.word
+            .loss()
+            .map(|ulps| ulps * f64::from(contributions) * place)
     }
 
     /// Words that a slot holds of a shaded fragment, as a merge or resolve reads them.
@@ -66,7 +68,9 @@ impl Fragment {
     /// Whether a slot's word has all places and the range of a shaded one.
     fn keeps_all(&self, store: &Fit) -> bool {
         let (slot, shaded) = (store.word.format, self.read[0].word.format);
-        slot.frac_bits >= shaded.frac_bits && slot.value(slot.max()) >= shaded.value(shaded.max())
+        slot.frac_bits >= shaded.frac_bits
+            && slot.value(slot.max()) >= shaded.value(shaded.max())
+            && slot.kept_bits() >= shaded.kept_bits()
     }
 
     /// A shaded slot's colour times opacity, and opacity, as a merge or resolve reads them.

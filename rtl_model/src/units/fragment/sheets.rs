@@ -70,6 +70,7 @@ impl SheetDatapath {
         for (name, word) in [("depth_index", words.depth_index), ("ratio", words.ratio)] {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
+            e.fixed_point(UNIT, &format!("sheets.{name}"), word);
         }
         e.holds_one(UNIT, "ratio", words.ratio);
         // A splat that is lit before it is drawn has weight 1 and is opaque.

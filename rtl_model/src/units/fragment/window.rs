@@ -309,6 +309,16 @@ impl WindowDatapath {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
             e.holds_one(UNIT, name, word);
+            e.fixed_point(UNIT, name, word);
+        }
+        for (name, word) in [
+            ("weight_sum", m.weight_sum),
+            ("colour_sum", m.colour_sum),
+            ("opacity_sum", m.opacity_sum),
+            ("normal_sum", m.normal_sum),
+            ("window.depth_sum", words.depth_sum),
+        ] {
+            e.fixed_point(UNIT, name, word);
         }
         for (name, word) in [
             ("window.density", words.density),
@@ -317,6 +327,7 @@ impl WindowDatapath {
         ] {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
+            e.fixed_point(UNIT, name, word);
         }
         e.holds_one(UNIT, "window.hidden", words.hidden);
         e.signedness(UNIT, "window.depth_sum", words.depth_sum, false);

@@ -12,7 +12,7 @@
 
 use super::{Raster, Rows};
 use crate::machine::Machine;
-use crate::num::{Fit, Rounding, Word, two};
+use crate::num::{Fit, Word, two};
 use crate::real::{MixedPrecision, Near, Real, Scale, power_of_two};
 use std::ops::Range;
 
@@ -31,17 +31,15 @@ pub struct Input<R> {
     pub depth_range: R,
 }
 
-/// Greatest loss by fitting a result to a word in range; 0 where no places are dropped.
-fn loss(fit: &Fit) -> f64 {
-    if fit.places() <= 0 {
+/// Greatest loss by fitting a result of a magnitude up to `most` to a word in range; 0 where no
+/// places are dropped.
+fn loss(fit: &Fit, most: f64) -> f64 {
+    let format = fit.word.format;
+    if fit.places() <= 0 && !format.is_float() {
         return 0.0;
     }
-    let place = power_of_two(-fit.word.format.frac_bits);
-    if fit.word.round == Rounding::Truncate {
-        place
-    } else {
-        place / 2.0
-    }
+    let [down, up] = fit.word.loss();
+    down.max(up) * format.ulp_at(most) * power_of_two(-format.frac_bits)
 }
 
 /// Whether a number may be outside a word's range.
@@ -81,27 +79,29 @@ pub struct Walk {
 impl Raster {
     /// Enters a box whose first pixel is within `reach` pixels of the centre.
     pub fn near(&self, input: &Input<Near>, reach: [f64; 2]) -> Walk {
-        let offset_error = two!(axis => input.pixel[axis].error + loss(&self.offset));
+        let offset_error = two!(axis => {
+            let error = input.pixel[axis].error;
+            error + loss(&self.offset, reach[axis] + error)
+        });
         let [xx, xy, yy] = [0, 1, 2].map(|i| input.conic[i].most());
         let [x, y] = two!(axis => reach[axis] + offset_error[axis]);
-        let gradient = loss(&self.gradient);
+        let steepest = (xx * x + 2.0 * xy * y).max(yy * y);
+        let gradient = loss(&self.gradient, steepest);
+        let [radial, first, second] =
+            [&self.radial, &self.first, &self.second].map(|fit| loss(fit, f64::INFINITY));
         let sound = !outruns(&self.offset, x.max(y))
-            && !outruns(
-                &self.gradient,
-                (xx * x + 2.0 * xy * y).max(yy * y) + gradient,
-            )
+            && !outruns(&self.gradient, steepest + gradient)
             && !outruns(
                 &self.first,
-                (2.0 * xx * x + xx + 2.0 * xy * y).max(2.0 * yy * y + yy + 2.0 * xy * x)
-                    + loss(&self.first),
+                (2.0 * xx * x + xx + 2.0 * xy * y).max(2.0 * yy * y + yy + 2.0 * xy * x) + first,
             )
-            && !outruns(&self.second, 2.0 * xx.max(yy).max(xy) + loss(&self.second));
+            && !outruns(&self.second, 2.0 * xx.max(yy).max(xy) + second);
         Walk {
             input: *input,
             offset_error,
-            seed: (x + y) * gradient + loss(&self.radial),
+            seed: (x + y) * gradient + radial,
             seed_at: reach,
-            steps: [loss(&self.first), loss(&self.second)],
+            steps: [first, second],
             sound,
             most: self.radial.word.format.value(self.radial.word.format.max()),
         }
@@ -159,7 +159,7 @@ impl Raster {
         let d =
             two!(axis => Near::within(at[axis] - input.pixel[axis].value, walk.offset_error[axis]));
         let plane = input.depth + input.depth_slope[0] * d[0] + input.depth_slope[1] * d[1];
-        let held = plane.off_by(loss(&self.depth));
+        let held = plane.off_by(loss(&self.depth, f64::INFINITY));
         let held = if outruns(&self.depth, held.most()) {
             Near {
                 error: f64::INFINITY,
@@ -274,12 +274,12 @@ pub fn steps_error(machine: &Machine, reach_px: f64, [columns, rows]: [u32; 2]) 
     let m = &machine.raster;
     let conic = machine.ellipse.conic.format.frac_bits;
     let loss = |word: Word, exact_frac_bits: i32| {
-        let place = power_of_two(-word.format.frac_bits);
-        match word.round {
-            _ if exact_frac_bits <= word.format.frac_bits => 0.0,
-            Rounding::Truncate => place,
-            Rounding::Nearest | Rounding::NearestEven => place / 2.0,
+        let format = word.format;
+        if exact_frac_bits <= format.frac_bits && !format.is_float() {
+            return 0.0;
         }
+        let [down, up] = word.loss();
+        down.max(up) * format.ulp_at(f64::INFINITY) * power_of_two(-format.frac_bits)
     };
     let offset = m.offset.format.frac_bits;
     let gradient = loss(m.gradient, conic + offset);

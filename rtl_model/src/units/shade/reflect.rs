@@ -193,6 +193,7 @@ impl Reflect {
                 e.port(UNIT, name, word);
                 e.signedness(UNIT, name, word, signed);
                 e.holds_one(UNIT, name, word);
+                e.fixed_point(UNIT, name, word);
             }
         }
         e.within(UNIT, "index_bits", m.index_bits, 1, MOST_INDEX_BITS);

@@ -179,11 +179,11 @@ impl Maker<'_> {
             };
             let nearby = near + self.random.below(2 * one_key + 1) - one_key;
             let any = self.random.word(depth);
-            depths.push(if self.random.one_in(2) {
+            depths.push(depth.representable(if self.random.one_in(2) {
                 any
             } else {
                 nearby.clamp(0, depth.max())
-            });
+            }));
         }
         for (tag, depth) in (0i64..).zip(&depths) {
             self.push("sort.in", vec![tag, *depth], key(UNKNOWN));
@@ -366,6 +366,7 @@ impl Maker<'_> {
     }
 
     fn add_to_sheet(&mut self, tiles: &mut SheetTiles, words: Vec<i64>) {
+        let words = self.held("fragment.in", words);
         let at = [words[0], words[1]];
         let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
         let before = tiles.held(at);

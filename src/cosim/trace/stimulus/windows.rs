@@ -186,6 +186,7 @@ impl Maker<'_> {
     }
 
     fn contribute_to_window(&mut self, unit: &mut Windows, words: Vec<i64>) {
+        let words = self.held("fragment.in", words);
         let at = [words[0], words[1]];
         let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
         let (random, machine, coverage) = (&mut self.random, self.machine, &mut self.seen);
