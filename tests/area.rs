@@ -5,6 +5,9 @@ use crate::cosimulation::{have, run};
 use crate::program::PROGRAM;
 use crate::tier::{self, Tier};
 use rtl_model::elaboration::latency::Path;
+use rtl_model::elaboration::{Elaboration, Operator, Part};
+use rtl_model::graph::Builder;
+use rtl_model::num::Word;
 use serde_json::{Value, json};
 use splatsim::hardware::{fixed, machines};
 use splatsim::performance::cost::{Cost, DEFAULT, UnitCost};
@@ -501,17 +504,63 @@ fn rounding_to_even_takes_more_than_rounding_up_and_a_wider_key_no_less() {
 
 /// NAND2 of `fit.sv` behind a multiplier of `bits` bits, by Yosys and ABC.
 fn gates_of_a_product(bits: i32, round: i32) -> f64 {
-    let folder = tempfile::tempdir().unwrap();
-    let top = format!(
+    gates_of(&format!(
         "module top(input signed [{0}:0] a, b, output [{0}:0] y); wire signed [{1}:0] p = a * b;
          fit #(.IN_W({2}), .PLACES({0}), .W({bits}), .S(1), .ROUND({round}), .WRAP(1)) fit(.exact(p), .word(y)); endmodule",
         bits - 1,
         2 * bits - 1,
         2 * bits
+    ))
+}
+
+#[test]
+fn rounding_to_even_costs_what_synthesis_finds() {
+    if !have(&["yosys"], "rounding to even") || !have_cells() {
+        return;
+    }
+    let bits = 8;
+    let mapped = gates_of_a_product(bits, 2) - gates_of_a_product(bits, 1);
+    let model = DEFAULT.gates.adder * f64::from(bits);
+    assert!(
+        (0.6..1.6).contains(&(mapped / model)),
+        "{mapped} gates more, by the model {model}"
     );
-    let (path, here) = (folder.path().join("top.sv"), env!("CARGO_MANIFEST_DIR"));
-    std::fs::write(&path, top).unwrap();
-    let cells = "/usr/share/qflow/tech/osu018/osu018_stdcells.lib";
+}
+
+/// A product of FP16, from stored bits to stored bits: significands are multiplied, the leading one
+/// goes to the front unless the result is subnormal, and ties are rounded to even.
+const PRODUCT_OF_FP16: &str = "
+module top(input [15:0] a, b, output [15:0] y);
+  wire [10:0] m = {|a[14:10], a[9:0]}, n = {|b[14:10], b[9:0]};
+  wire [21:0] p = m * n;
+  // The exponent of a leading one in the top bit.
+  wire signed [7:0] e = $signed({3'b0, a[14:10]}) + $signed({7'b0, ~|a[14:10]}) + $signed({3'b0, b[14:10]}) + $signed({7'b0, ~|b[14:10]}) - 8'sd14;
+  reg [4:0] lead;
+  integer i;
+  always @* begin
+    lead = 22;
+    for (i = 0; i < 22; i = i + 1) if (p[i]) lead = 21 - i;
+  end
+  wire signed [7:0] least = e - 8'sd1;
+  wire is_subnormal = $signed({3'b0, lead}) > least;
+  wire signed [7:0] left = is_subnormal ? least : $signed({3'b0, lead});
+  wire [44:0] shifted = {23'b0, p} << (left + 8'sd23);
+  wire [10:0] kept = shifted[44:34];
+  wire up = shifted[33] && (|shifted[32:0] || kept[0]);
+  wire signed [7:0] code = is_subnormal ? 8'sd0 : e - left;
+  wire [17:0] rounded = {code, kept[9:0]} + 18'(up);
+  assign y = {a[15] ^ b[15], rounded > 18'h7bff ? 15'h7bff : rounded[14:0]};
+endmodule";
+
+/// NAND2 of a module called `top`, by Yosys and ABC.
+fn gates_of(text: &str) -> f64 {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("top.sv");
+    std::fs::write(&path, text).unwrap();
+    let (cells, here) = (
+        "/usr/share/qflow/tech/osu018/osu018_stdcells.lib",
+        env!("CARGO_MANIFEST_DIR"),
+    );
     let script = format!(
         "read_verilog -sv {here}/rtl_model/rtl/fit.sv {}; synth -flatten -top top; abc -liberty {cells} -script {here}/tests/programs/smallest.abc; \
          opt_clean; stat -liberty {cells}",
@@ -527,15 +576,34 @@ fn gates_of_a_product(bits: i32, round: i32) -> f64 {
 }
 
 #[test]
-fn rounding_to_even_costs_what_synthesis_finds() {
-    if !have(&["yosys"], "rounding to even") || !have_cells() {
+fn a_product_in_floating_point_costs_what_synthesis_finds() {
+    if !have(&["yosys"], "a product of FP16") || !have_cells() {
         return;
     }
-    let bits = 8;
-    let mapped = gates_of_a_product(bits, 2) - gates_of_a_product(bits, 1);
-    let model = DEFAULT.gates.adder * f64::from(bits);
+    let half = Word::new("FP16".parse().unwrap());
+    let mut e = Elaboration::default();
+    let g = &mut Builder::new(&mut e, "unit");
+    let [a, b] = [(); 2].map(|()| g.input(half));
+    let product = g.times(a, b);
+    g.fit("product", half, product);
+    let unit = DEFAULT.gates;
+    let gates = |part: &Part| match part.operator {
+        // docs/book/unit-costs.md.
+        Operator::Multiplier([a, b]) => {
+            unit.multiplier * f64::from((a - 1) * (b - 1)) + 4.0 / 3.0 * f64::from(a + b - 1)
+        }
+        Operator::Adder(bits) => unit.adder * f64::from(bits),
+        Operator::Multiplexer(bits) => unit.multiplexer * f64::from(bits),
+        // Both are without registers.
+        Operator::Register(_) => 0.0,
+        other => panic!("{other:?} is no part of a product"),
+    };
+    let model: f64 = (e.parts.iter())
+        .map(|part| f64::from(part.copies) * gates(part))
+        .sum();
+    let mapped = gates_of(PRODUCT_OF_FP16);
     assert!(
-        (0.6..1.6).contains(&(mapped / model)),
-        "{mapped} gates more, by the model {model}"
+        (0.75..1.33).contains(&(mapped / model)),
+        "{mapped} gates, by the model {model}"
     );
 }

@@ -14,7 +14,8 @@ module fit_shifted #(
     parameter int W = 1,      // bits of the word
     parameter int S = 0,      // 1: the word is signed
     parameter int ROUND = 1,  // 0 truncate, 1 nearest (ties up), 2 nearest-even
-    parameter int WRAP = 0    // 0 saturate, 1 wrap
+    parameter int WRAP = 0,   // 0 saturate, 1 wrap
+    parameter int P = 0       // significant bits of a floating-point word; 0 in fixed point
 ) (
     input wire signed [IN_W-1:0] exact,  // the exact result
     input wire signed [MORE_W-1:0] more, // its additional fraction bits
@@ -26,9 +27,10 @@ module fit_shifted #(
   // sign.
   localparam int LEFT = LEAST >= 0 ? 0 : -LEAST < W ? -LEAST : W;
   localparam int RIGHT = MOST <= 0 ? 0 : MOST < IN_W ? MOST : IN_W;
-  // Bits for the rounding of the fit: one, and a sticky bit for ties.
-  localparam int GUARD = ROUND == 0 ? 0 : 1;
-  localparam int STICKY = ROUND == 2 ? 1 : 0;
+  // Bits for the rounding of the fit: one, and a sticky bit for ties, and for the magnitude of a
+  // floating-point word.
+  localparam int GUARD = ROUND == 0 && P == 0 ? 0 : 1;
+  localparam int STICKY = ROUND == 2 || P != 0 ? 1 : 0;
   localparam int BARREL_W = IN_W + LEFT + GUARD;
   // The shifter only shifts right, starting from the largest left shift.
   localparam int FROM = PLACES + LEFT;
@@ -47,7 +49,11 @@ module fit_shifted #(
     assign rest = shifted;
   end
 
-  fit #(.IN_W(BARREL_W + STICKY), .PLACES(GUARD + STICKY), .W(W), .S(S), .ROUND(ROUND), .WRAP(WRAP)) last (.exact(rest), .word(word));
+  if (P == 0) begin : g_fixed
+    fit #(.IN_W(BARREL_W + STICKY), .PLACES(GUARD + STICKY), .W(W), .S(S), .ROUND(ROUND), .WRAP(WRAP)) last (.exact(rest), .word(word));
+  end else begin : g_float
+    fit_float #(.IN_W(BARREL_W + STICKY), .PLACES(GUARD + STICKY), .W(W), .S(S), .P(P), .ROUND(ROUND)) last (.exact(rest), .word(word));
+  end
 endmodule
 
 `default_nettype wire

@@ -15,6 +15,7 @@ module lookup #(
     parameter int LINEAR = 0,              // 1: straight lines between the values
     parameter int W = 1,                   // bits of a value, unsigned, and of the word
     parameter int ROUND = 1,               // how the word is rounded: 0 truncate, 1 nearest (ties up), 2 nearest-even
+    parameter int P = 0,                   // significant bits of a floating-point word; 0 in fixed point
     parameter ROM = "table.hex",           // lines {value, signed delta of W + 1 bits}
     parameter int LINES = 1 << TABLE_BITS  // number of them: fewer than addresses if tables of several materials are in one ROM
 ) (
@@ -37,7 +38,11 @@ module lookup #(
     wire signed [FRACTION_BITS:0] fraction = {1'b0, argument[FRACTION_BITS-1:0]};
     wire signed [EXACT_W-1:0] rise = delta * fraction;
     wire signed [EXACT_W-1:0] exact = ($signed(EXACT_W'(value)) <<< FRACTION_BITS) + rise;
-    fit #(.IN_W(EXACT_W), .PLACES(FRACTION_BITS), .W(W), .S(0), .ROUND(ROUND), .WRAP(0)) between (.exact(exact), .word(word));
+    if (P == 0) begin : g_fixed
+      fit #(.IN_W(EXACT_W), .PLACES(FRACTION_BITS), .W(W), .S(0), .ROUND(ROUND), .WRAP(0)) between (.exact(exact), .word(word));
+    end else begin : g_float
+      fit_float #(.IN_W(EXACT_W), .PLACES(FRACTION_BITS), .W(W), .S(0), .P(P), .ROUND(ROUND)) between (.exact(exact), .word(word));
+    end
   end else begin : g_nearest
     assign word = value;
     wire unused_delta = &line[W:0];

@@ -135,6 +135,7 @@ fn list() -> Result<String> {
         "four small slots, grouped late",
         "draws ellipsoids too, sheet by sheet",
         "the same, sorted: trained Gaussians",
+        "the same in half precision",
     ];
     let mut table = plain_table(&["machine", "widest operand", "fragment", ""]);
     for (machine, description) in Machine::names()

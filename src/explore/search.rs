@@ -1468,7 +1468,7 @@ impl<'a> WordSearch<'a> {
             .into_iter()
             .filter(|(path, _)| self.selection.has(path));
         let less = |(path, format): (String, Format)| {
-            let int_bits = (*needed.get(&path)?).max(2 - format.frac_bits);
+            let int_bits = (*needed.get(&path)?).max(format.least_int_bits());
             (int_bits < format.int_bits)
                 .then(|| (path, Value::from(Format { int_bits, ..format }.to_string())))
         };

@@ -76,6 +76,27 @@ fn absurd() -> Machine {
     )
 }
 
+/// Floating-point words of each rounding, of 2 significant bits and more, among fixed-point ones.
+fn floating() -> Machine {
+    machine(
+        "reference",
+        &[
+            ONE_LANE,
+            "splat.position=I1F26S8",
+            "project.slope=I4F22S6",
+            r#"project.camera={"format":"I2F25S9","round":"truncate"}"#,
+            "project.focal=U15F12S24",
+            r#"ellipse.normal={"format":"I2F22S3","round":"nearest"}"#,
+            r#"ellipse.conic={"format":"U2F25S5","round":"nearest"}"#,
+            "ellipse.conic_cross=I2F25S5",
+            "ellipse.determinant=U8F40S12",
+            "ellipse.amplitude=U-2F24S2",
+            "gauss.falloff=U1F20S3",
+            r#"gauss.weight={"format":"U1F20S4","round":"truncate"}"#,
+        ],
+    )
+}
+
 /// Each case has a trace, and the units whose records are compared.
 fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
     let discs = || vec![unit("project"), unit("ellipse"), unit("gauss")];
@@ -114,6 +135,18 @@ fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
             ellipsoids(),
         ),
     ];
+    cases.push(of("floating point", &cloud(60, 16), &floating(), discs()));
+    cases.push(of(
+        "half precision",
+        &bouquet(60, 16, &json!({"stop": 0.3})),
+        &named("fp16"),
+        ellipsoids(),
+    ));
+    cases.push((
+        "half-precision harmonics",
+        made_up(&harmonics(60, 16, 3), &named("fp16"), &["colour"]),
+        vec![OF_HARMONICS],
+    ));
     cases.extend(lenses().into_iter().filter(|(name, ..)| *name != "mirrors"));
     for (nth, machine) in coloured().iter().enumerate() {
         let degree = machine.colour.unwrap().degree as u8;
@@ -217,6 +250,10 @@ fn generated_rtl_is_clean_and_can_be_synthesised() {
     let cases = [
         (one(&cloud(20, 16), "reference"), &discs[..]),
         (
+            traced(&cloud(20, 16), &floating(), &Window::default()),
+            &discs,
+        ),
+        (
             traced(&cloud(20, 16), &absurd(), &Window::default()),
             &discs,
         ),
@@ -262,7 +299,7 @@ fn generated_rtl_is_clean_and_can_be_synthesised() {
                 assert_eq!(fault_in_slang(&python, &arguments), None, "{}", unit.name);
             }
             // Yosys takes longer than all simulators together.
-            if nth > 0 && unit.name != "colour" {
+            if nth > 1 && unit.name != "colour" {
                 continue;
             }
             let used = rtl_model::pipeline::rtl::library();

@@ -301,15 +301,23 @@ impl Elaboration {
         let bits = word.format.stored_bits();
         self.part(unit, Operator::Register(bits));
         if word.format.is_float() {
-            // The leading one goes to the front, and its place into the exponent. What is rounded
-            // is the magnitude; rounding up can carry into the exponent.
+            // The leading one goes to the front, and its place into the exponent.
             self.normaliser(unit, held);
             self.adders(unit, 1, EXPONENT_BITS);
         }
-        if word.round != Rounding::Truncate
-            && (from.frac_bits > word.format.frac_bits || word.format.is_float())
+        let is_float = word.format.is_float();
+        if word.round != Rounding::Truncate && (from.frac_bits > word.format.frac_bits || is_float)
         {
-            self.part(unit, Operator::Rounder(bits));
+            // Behind a normaliser, half an ulp is no row of a product's array, and rounding up can
+            // carry into the exponent.
+            self.part(
+                unit,
+                if is_float {
+                    Operator::Adder(bits)
+                } else {
+                    Operator::Rounder(bits)
+                },
+            );
             // The tie test reads the LSB of the word, so half an ulp cannot be a row of the
             // product's array. It takes a chain of half adders along the exact result: half an
             // adder (synthesis results: docs/book/cost.md).

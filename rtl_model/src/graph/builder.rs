@@ -340,8 +340,12 @@ impl<'e> Builder<'e> {
     /// At least 0, by a choice that a difference's own sign makes.
     pub fn natural(&mut self, from: Wire) -> Wire {
         let node = self.of(from);
-        self.e
-            .choice(self.unit, 2, node.factor_bits() - i32::from(node.signed));
+        let bits = if node.is_float() {
+            node.significant_bits
+        } else {
+            node.shape.bits()
+        };
+        self.e.choice(self.unit, 2, bits);
         let natural = self.alike(Operator::Natural(from), from);
         self.known_natural(natural)
     }

@@ -178,10 +178,10 @@ impl Node {
         self.shape.bits() + i32::from(self.signed)
     }
 
-    /// Bits that a multiplier reads.
+    /// Bits that a multiplier reads: the sign of a floating-point word is apart.
     fn factor_bits(&self) -> i32 {
         if self.is_float() {
-            self.significant_bits + i32::from(self.signed)
+            self.significant_bits
         } else {
             self.bits()
         }

@@ -518,17 +518,27 @@ impl Writer<'_> {
         } else {
             format!("{name}_word")
         };
-        let shape = format!(
-            ".W({}), .S({}), .ROUND({}), .WRAP({})",
+        let mut shape = format!(
+            ".W({}), .S({}), .ROUND({})",
             format.width(),
             u8::from(format.signed),
             word.round.code(),
-            u8::from(word.overflow == Overflow::Wrap)
         );
+        let module = if format.is_float() {
+            let _ = write!(shape, ", .P({})", format.significant_bits);
+            "fit_float"
+        } else {
+            let _ = write!(
+                shape,
+                ", .WRAP({})",
+                u8::from(word.overflow == Overflow::Wrap)
+            );
+            "fit"
+        };
         let places = fit.places() - i64::from(below);
         match more {
             None => self.line(format!(
-                "fit #(.IN_W({exact_bits}), .PLACES({places}), {shape}) fit_n{place} (.exact({exact}), .word({target}));"
+                "{module} #(.IN_W({exact_bits}), .PLACES({places}), {shape}) fit_n{place} (.exact({exact}), .word({target}));"
             )),
             Some(more) => {
                 let (more, more_bits) = self.expression(more);
@@ -550,8 +560,12 @@ impl Writer<'_> {
         self.line(format!("// {name}: {}", fit.word));
         let bits = fit.word.format.width();
         let written = self.word_of(&name, bits, false);
+        let significant = match fit.word.format.significant_bits {
+            0 => String::new(),
+            bits => format!(", .P({bits})"),
+        };
         self.line(format!(
-            "lookup #(.ARGUMENT_W({argument_bits}), .TABLE_BITS({index_bits}), .LINEAR({}), .W({bits}), .ROUND({}), .ROM({{ROMS, \"{rom}.hex\"}})) table_n{place} (.argument({argument}[{}:0]), .word({name}_word));",
+            "lookup #(.ARGUMENT_W({argument_bits}), .TABLE_BITS({index_bits}), .LINEAR({}), .W({bits}), .ROUND({}){significant}, .ROM({{ROMS, \"{rom}.hex\"}})) table_n{place} (.argument({argument}[{}:0]), .word({name}_word));",
             u8::from(is_linear),
             fit.word.round.code(),
             argument_bits - 1,

@@ -17,6 +17,7 @@ impl Machine {
             "window" => Some(window()),
             "volume" => Some(volume()),
             "gaussian" => Some(gaussian()),
+            "fp16" => Some(fp16()),
             _ => None,
         }
     }
@@ -26,7 +27,7 @@ impl Machine {
     /// Names of the machines for surfaces that group fragments by windows.
     pub const WINDOW_NAMES: [&str; 1] = ["window"];
     /// Names of the machines for volumes and for Gaussians.
-    pub const ELLIPSOID_NAMES: [&str; 2] = ["volume", "gaussian"];
+    pub const ELLIPSOID_NAMES: [&str; 3] = ["volume", "gaussian", "fp16"];
 
     /// All names.
     pub fn names() -> impl Iterator<Item = &'static str> + Clone {
@@ -606,6 +607,140 @@ fn gaussian() -> Machine {
         shade: Shade {
             premultiplied: unsigned(3, 18),
             ..base.shade
+        },
+        ..base
+    }
+}
+
+/// Bits of the magnitudes of FP16: 11 significant ones, and 30 exponents.
+const HALF_BITS: i32 = 40;
+
+/// A word with the significant bits of FP16, and those of its exponents that reach the word.
+const fn half(word: Word) -> Word {
+    let format = word.format;
+    let most = HALF_BITS - format.magnitude_bits();
+    let frac_bits = format.frac_bits + if most < 0 { most } else { 0 };
+    Word::new(Format {
+        frac_bits,
+        significant_bits: 11,
+        ..format
+    })
+}
+
+/// `gaussian` in half precision. Pixels, depths of fragments, keys, boxes, the registers of the
+/// raster and indices of tables are in fixed point.
+fn fp16() -> Machine {
+    let base = gaussian();
+    let Machine {
+        splat,
+        project,
+        ellipse,
+        raster,
+        gauss,
+        fragment,
+        shade,
+        resolve,
+        ..
+    } = base;
+    let ellipsoid = ellipse.ellipsoid.map(|ellipsoid| Ellipsoid {
+        quaternion: half(ellipsoid.quaternion),
+        scale: half(ellipsoid.scale),
+        stretch: half(ellipsoid.stretch),
+        ray: half(ellipsoid.ray),
+        ..ellipsoid
+    });
+    let colour = base.colour.map(|colour| Colour {
+        coefficient: half(colour.coefficient),
+        relative: half(colour.relative),
+        direction: half(colour.direction),
+        monomial: half(colour.monomial),
+        basis: half(colour.basis),
+        ..colour
+    });
+    Machine {
+        name: "fp16".into(),
+        splat: Splat {
+            position: half(splat.position),
+            normal: half(splat.normal),
+            radius: half(splat.radius),
+            rgb: half(splat.rgb),
+            opacity: half(splat.opacity),
+        },
+        project: Project {
+            eye: half(project.eye),
+            relative: half(project.relative),
+            rotation: half(project.rotation),
+            camera: half(project.camera),
+            depth: half(project.depth),
+            slope: half(project.slope),
+            focal: half(project.focal),
+            ..project
+        },
+        ellipse: Ellipse {
+            normal: half(ellipse.normal),
+            tilt: half(ellipse.tilt),
+            facing: half(ellipse.facing),
+            scaled_radius: half(ellipse.scaled_radius),
+            size: half(ellipse.size),
+            size_squared: half(ellipse.size_squared),
+            aspect: ellipse.aspect.map(half),
+            shape: half(ellipse.shape),
+            low_pass: half(ellipse.low_pass),
+            variance: half(ellipse.variance),
+            variance_cross: half(ellipse.variance_cross),
+            area: half(ellipse.area),
+            determinant: half(ellipse.determinant),
+            inverse: half(ellipse.inverse),
+            conic: half(ellipse.conic),
+            conic_cross: half(ellipse.conic_cross),
+            visibility: half(ellipse.visibility),
+            inverse_two_pi: half(ellipse.inverse_two_pi),
+            amplitude: half(ellipse.amplitude),
+            inverse_focal: half(ellipse.inverse_focal),
+            depth_step: half(ellipse.depth_step),
+            depth_slope: half(ellipse.depth_slope),
+            root_cutoff: half(ellipse.root_cutoff),
+            depth_range: half(ellipse.depth_range),
+            ellipsoid,
+            ..ellipse
+        },
+        colour,
+        raster: Raster {
+            offset: half(raster.offset),
+            gradient: half(raster.gradient),
+            ..raster
+        },
+        gauss: Gauss {
+            falloff: half(gauss.falloff),
+            weight: half(gauss.weight),
+            ..gauss
+        },
+        fragment: Fragment {
+            normal: half(fragment.normal),
+            weight_sum: half(fragment.weight_sum),
+            colour_sum: half(fragment.colour_sum),
+            opacity_sum: half(fragment.opacity_sum),
+            normal_sum: half(fragment.normal_sum),
+            ..fragment
+        },
+        shade: Shade {
+            share: half(shade.share),
+            normal_share: half(shade.normal_share),
+            rgb: half(shade.rgb),
+            opacity: half(shade.opacity),
+            normal: half(shade.normal),
+            light: half(shade.light),
+            reflectance: half(shade.reflectance),
+            irradiance: half(shade.irradiance),
+            colour: half(shade.colour),
+            inverse_threshold: half(shade.inverse_threshold),
+            coverage: half(shade.coverage),
+            premultiplied: half(shade.premultiplied),
+            ..shade
+        },
+        resolve: Resolve {
+            transmittance: half(resolve.transmittance),
+            frame: half(resolve.frame),
         },
         ..base
     }

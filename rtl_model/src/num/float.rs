@@ -23,6 +23,9 @@ use super::Format;
 /// Greatest number of significant bits: two factors of them have an exact product in 64 bits.
 pub const MAX_SIGNIFICANT_BITS: i32 = 24;
 
+/// Least number of significant bits: the leading one, and one fraction bit.
+pub const LEAST_SIGNIFICANT_BITS: i32 = 2;
+
 /// Formats that have names: IEEE 754 half precision, and the two of 8 bits of the Open Compute
 /// Project (OCP OFP8).
 pub const NAMED: [(&str, Format); 3] = [
@@ -61,10 +64,10 @@ impl Format {
         }
     }
 
-    /// Bits of the factor that a multiplier reads.
+    /// Bits of the factor that a multiplier reads. The sign of a floating-point word is apart.
     pub const fn factor_bits(self) -> i32 {
         if self.is_float() {
-            self.significant_bits + self.signed as i32
+            self.significant_bits
         } else {
             self.width()
         }
@@ -147,6 +150,17 @@ impl Format {
         if is_negative { -magnitude } else { magnitude }
     }
 
+    /// Integer bits without which too few exponents are left, in floating point, or fewer than two
+    /// bits.
+    pub const fn least_int_bits(self) -> i32 {
+        let least = if self.is_float() {
+            self.significant_bits + 1 + self.signed as i32
+        } else {
+            2
+        };
+        least - self.frac_bits
+    }
+
     /// The next representable word towards 0.
     pub fn representable(self, word: i64) -> i64 {
         if !self.is_float() {
@@ -158,11 +172,11 @@ impl Format {
 
     pub(super) fn check_float(self, text: &str) -> Result<(), String> {
         let most = MAX_SIGNIFICANT_BITS.min(self.magnitude_bits() - 1);
-        if (2..=most).contains(&self.significant_bits) {
+        if (LEAST_SIGNIFICANT_BITS..=most).contains(&self.significant_bits) {
             return Ok(());
         }
         Err(format!(
-            "`{text}` keeps {} significant bits of {}: 2 to {most} can be modelled",
+            "`{text}` keeps {} significant bits of {}: {LEAST_SIGNIFICANT_BITS} to {most} can be modelled",
             self.significant_bits,
             self.magnitude_bits()
         ))

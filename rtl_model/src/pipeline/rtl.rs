@@ -406,7 +406,10 @@ pub fn library() -> Vec<Listing> {
     }
     files![
         "fit.sv",
+        "fit_float.sv",
         "fit_shifted.sv",
+        "float_pack.sv",
+        "float_unpack.sv",
         "lookup.sv",
         "normalise.sv",
         "pipe.sv",
@@ -536,16 +539,85 @@ struct Shell<'a, const OUTPUTS: usize> {
 }
 
 impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
-    /// A field's bits, and whether they are a signed word.
-    fn field(&self, stream: &Stream, port: &str, name: &str) -> (String, bool) {
-        let field = stream
+    fn field_of<'s>(&self, stream: &'s Stream, name: &str) -> &'s Field {
+        stream
             .fields
             .iter()
             .find(|field| field.name == name)
-            .unwrap_or_else(|| panic!("{} has {name}", stream.name));
+            .unwrap_or_else(|| panic!("{} has {name}", stream.name))
+    }
+
+    /// A field's stored bits.
+    fn stored(&self, stream: &Stream, port: &str, name: &str) -> String {
         let place = constant(stream, &format!("{name}_LSB"));
-        let slice = format!("{port}[{place}+:{}]", field.width());
-        (slice, field.word.format.signed)
+        format!("{port}[{place}+:{}]", self.field_of(stream, name).width())
+    }
+
+    /// A field's bits, and whether they are a signed word.
+    fn field(&self, stream: &Stream, port: &str, name: &str) -> (String, bool) {
+        let format = self.field_of(stream, name).word.format;
+        let word = if format.is_float() {
+            format!("{port}_{name}")
+        } else {
+            self.stored(stream, port, name)
+        };
+        (word, format.signed)
+    }
+
+    /// Floating-point fields that inputs read, as words.
+    fn unpacked(&self) -> String {
+        let mut text = String::new();
+        for (port, stream) in [("s_data", self.into), ("frame", self.frame)] {
+            let is_read = |field: &&Field| {
+                self.unit.inputs.iter().any(|(_, source)| match source {
+                    Source::Record(name) => port == "s_data" && *name == field.name,
+                    Source::Frame(name) | Source::Opposite(name) | Source::OneLess(name) => {
+                        port == "frame" && *name == field.name
+                    }
+                    Source::Below(name, limit) => {
+                        *(if port == "frame" { limit } else { name }) == field.name
+                    }
+                    Source::Reach => ["opacity", "cutoff"].contains(&field.name.as_str()),
+                    Source::Word(_) => false,
+                })
+            };
+            let floats = stream
+                .fields
+                .iter()
+                .filter(|field| field.word.format.is_float());
+            for field in floats.filter(is_read) {
+                let (name, top) = (&field.name, field.word.format.width() - 1);
+                let _ = writeln!(
+                    text,
+                    "  wire [{top}:0] {port}_{name};\n  float_unpack #({}) unpack_{port}_{name} (.stored({}), .word({port}_{name}));",
+                    shape(field),
+                    self.stored(stream, port, name)
+                );
+            }
+        }
+        text
+    }
+
+    /// Results that are stored as floating-point fields.
+    fn packed(&self, outputs: &[Port]) -> String {
+        let mut text = String::new();
+        for field in &self.out.fields {
+            let is_float = field.word.format.is_float();
+            let Some(port) = outputs
+                .iter()
+                .find(|port| is_float && port.name == field.name)
+            else {
+                continue;
+            };
+            let (name, top) = (&port.name, field.width() - 1);
+            let _ = writeln!(
+                text,
+                "  wire [{top}:0] packed_{name};\n  float_pack #({}) pack_{name} (.word({}'(out_{name})), .stored(packed_{name}));",
+                shape(field),
+                field.word.format.width(),
+            );
+        }
+        text
     }
 
     /// A field as a signed expression.
@@ -589,6 +661,7 @@ impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
     /// The ROM of cutoffs, where a machine has one.
     fn reach(&self) -> String {
         let opacity = self.field(self.into, "s_data", "opacity").0;
+        let opacity_top = self.field_of(self.into, "opacity").word.format.width() - 1;
         let cutoff = self.field(self.frame, "frame", "cutoff").0;
         format!(
             "
@@ -597,7 +670,7 @@ impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
   if (machine_pkg::ELLIPSE_REACH_BITS > 0) begin : g_reach
     logic [machine_pkg::RASTER_CUTOFF_W-1:0] cutoffs[0:2**machine_pkg::ELLIPSE_REACH_BITS-1];
     initial $readmemh({{ROMS, \"ellipse.reach.hex\"}}, cutoffs);
-    wire [machine_pkg::SPLAT_OPACITY_W-1:0] step = {opacity} >> (machine_pkg::SPLAT_OPACITY_F - machine_pkg::ELLIPSE_REACH_BITS);
+    wire [{opacity_top}:0] step = {opacity} >> (machine_pkg::SPLAT_OPACITY_F - machine_pkg::ELLIPSE_REACH_BITS);
     // An opacity of 1 uses the last address.
     wire [machine_pkg::ELLIPSE_REACH_BITS-1:0] address =
         |(step >> machine_pkg::ELLIPSE_REACH_BITS) ? {{machine_pkg::ELLIPSE_REACH_BITS{{1'b1}}}} : machine_pkg::ELLIPSE_REACH_BITS'(step);
@@ -626,7 +699,10 @@ impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
             .find(|port| port.name == field.name)
             .map_or_else(
                 || format!("in_{}", field.name),
-                |port| format!("out_{}", port.name),
+                |port| match field.word.format.is_float() {
+                    true => format!("packed_{}", port.name),
+                    false => format!("out_{}", port.name),
+                },
             );
         let flags: Vec<String> = field
             .unless
@@ -679,6 +755,7 @@ impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
             parameters.join("\n    ")
         );
         let sources = self.unit.inputs.iter().map(|(_, source)| source);
+        text += &self.unpacked();
         if sources
             .clone()
             .any(|source| matches!(source, Source::Reach))
@@ -718,6 +795,7 @@ impl<const OUTPUTS: usize> Shell<'_, OUTPUTS> {
             text,
             "  {datapath} {roms}datapath (\n      {connections}\n  );\n\n  // The record: a field without a meaning is 0.\n"
         );
+        text += &self.packed(outputs);
         let field_name = |field: &Field| {
             if flags.contains(field.name.as_str()) {
                 field.name.clone()
@@ -774,6 +852,18 @@ endmodule
         );
         text
     }
+}
+
+/// Parameters of what packs a floating-point field.
+fn shape(field: &Field) -> String {
+    let format = field.word.format;
+    format!(
+        ".W({}), .S({}), .P({}), .E({})",
+        format.width(),
+        u8::from(format.signed),
+        format.significant_bits,
+        format.exponent_bits()
+    )
 }
 
 /// Bits of a port.

@@ -148,10 +148,16 @@ impl Range {
         };
         let unused = (self.any.trailing_zeros() as i32).min(format.frac_bits);
         let frac_bits = format.frac_bits - unused;
-        Some(Format {
+        let narrowest = Format {
             int_bits: (width - format.frac_bits).max(1 - frac_bits),
             frac_bits,
             ..format
+        };
+        // As many bits are left as are significant: it is in fixed point.
+        let is_fixed = narrowest.magnitude_bits() <= format.significant_bits;
+        Some(Format {
+            significant_bits: if is_fixed { 0 } else { format.significant_bits },
+            ..narrowest
         })
     }
 }

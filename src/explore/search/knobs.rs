@@ -5,6 +5,7 @@ use crate::hardware::machines;
 use crate::scene::Scene;
 use rtl_model::Machine;
 use rtl_model::num::Format;
+use rtl_model::num::float::LEAST_SIGNIFICANT_BITS;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
@@ -126,10 +127,17 @@ fn is_selected(path: &str, only: &[String]) -> bool {
 }
 
 fn of_words(machine: &Machine, part: KnobPart) -> Vec<Knob> {
-    let knob = |(path, format): (String, Format)| Knob {
-        path,
-        part,
-        most: (format.width() - LEAST_WIDTH).max(0) as u32,
+    let knob = |(path, format): (String, Format)| {
+        let most = match part {
+            _ if !format.is_float() => format.width() - LEAST_WIDTH,
+            KnobPart::FractionBit => format.significant_bits - LEAST_SIGNIFICANT_BITS,
+            _ => format.int_bits - format.least_int_bits(),
+        };
+        Knob {
+            path,
+            part,
+            most: most.max(0) as u32,
+        }
     };
     machines::words(machine).into_iter().map(knob).collect()
 }
@@ -174,12 +182,7 @@ impl Knob {
             self.part,
             field.as_str().and_then(|text| text.parse::<Format>().ok()),
         ) {
-            (KnobPart::FractionBit, Some(format)) => Format {
-                frac_bits: format.frac_bits - bits,
-                ..format
-            }
-            .to_string()
-            .into(),
+            (KnobPart::FractionBit, Some(format)) => format.finer(-bits).to_string().into(),
             (KnobPart::IntegerBit, Some(format)) => Format {
                 int_bits: format.int_bits - bits,
                 ..format

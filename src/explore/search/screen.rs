@@ -521,14 +521,8 @@ mod tests {
         let change = |(nth, (path, format)): (usize, (String, Format))| {
             let random = mixed(seed.wrapping_mul(1000) + nth as u64);
             let bits = (least + random % 3) as i32;
-            let frac_bits = format.frac_bits - bits;
-            (random % 7 < 3 && format.int_bits + frac_bits > 3).then(|| {
-                let format = Format {
-                    frac_bits,
-                    ..format
-                };
-                (path, Value::from(format.to_string()))
-            })
+            let format = format.finer(-bits);
+            (random % 7 < 3 && format.width() > 3).then(|| (path, Value::from(format.to_string())))
         };
         let changes: Vec<_> = machines::words(base)
             .into_iter()

@@ -621,10 +621,7 @@ impl Axis {
                 };
                 let [finer, wider] = [&self.add_frac_bits, &self.add_int_bits]
                     .map(|more| more.iter().flatten().copied());
-                let finer = finer.map(|more| Format {
-                    frac_bits: format.frac_bits.saturating_add(more),
-                    ..*format
-                });
+                let finer = finer.map(|more| format.finer(more));
                 let wider = wider.map(|more| Format {
                     int_bits: format.int_bits.saturating_add(more),
                     ..*format
