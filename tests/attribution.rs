@@ -90,7 +90,10 @@ fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
         let machine = Machine::named(machines::usual(&scene)).unwrap();
         (scene, machine)
     };
-    texts.into_iter().enumerate().map(read).collect()
+    let mut all: Vec<_> = texts.into_iter().enumerate().map(read).collect();
+    let (bouquet, _) = &all[3];
+    all.push((bouquet.clone(), Machine::named("fp16").unwrap()));
+    all
 }
 
 fn surfaces(size: (usize, usize)) -> Vec<(Scene, Machine)> {

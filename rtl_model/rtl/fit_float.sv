@@ -45,17 +45,15 @@ module fit_float #(
     end
   end
 
-  wire [MAG_W-1:0] kept = magnitude >> dropped;
-  wire [MAG_W-1:0] rest = magnitude - (kept << dropped);
-  wire [MAG_W-1:0] half = (MAG_W'(1) << dropped) >> 1;
+  wire [P-1:0] kept = P'(magnitude >> dropped);
   wire up;
   if (ROUND == 0) begin : g_towards_zero
     assign up = 1'b0;
-  end else if (ROUND == 1) begin : g_nearest
-    assign up = |dropped && rest >= half;
-  end else begin : g_nearest_even
-    // A tie is rounded to an even number of places.
-    assign up = |dropped && (rest > half || (rest == half && kept[0]));
+  end else begin : g_nearest
+    wire [MAG_W-1:0] rest = magnitude - (MAG_W'(kept) << dropped);
+    wire [MAG_W-1:0] half = (MAG_W'(1) << dropped) >> 1;
+    // A tie is rounded up, or to an even number of places.
+    assign up = |dropped && (rest > half || (rest == half && (ROUND == 1 || kept[0])));
   end
   wire [OUT_W-1:0] rounded = (OUT_W'(kept) + OUT_W'(up)) << (dropped - DROPPED_W'(RIGHT));
   wire [W-1:0] limited = rounded > MAX ? W'(MAX) : W'(rounded);

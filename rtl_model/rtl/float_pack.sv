@@ -27,8 +27,7 @@ module float_pack #(
   end
 
   // The leading one of a normal number adds 1 to the exponent.
-  wire [W-1:0] significand = magnitude >> shift;
-  wire [E+P-2:0] code = {shift, {(P - 1) {1'b0}}} + (E + P - 1)'(significand);
+  wire [E+P-2:0] code = {shift, {(P - 1) {1'b0}}} + (E + P - 1)'(magnitude >> shift);
   if (S != 0) begin : g_signed
     assign stored = {word[W-1], code};
   end else begin : g_unsigned

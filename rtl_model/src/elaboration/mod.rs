@@ -258,7 +258,32 @@ impl Elaboration {
     }
 
     /// Quantises an exact result to the word called `name`.
-    pub fn fit(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
+    pub fn fit(
+        &mut self,
+        unit: &'static str,
+        name: &str,
+        word: Word,
+        from: impl Into<Operand>,
+    ) -> Fit {
+        let operand = from.into();
+        if operand.is_float && !word.format.is_float() {
+            self.shifter(unit, operand.exact.bits());
+        }
+        self.fit_placed(unit, name, word, operand)
+    }
+
+    /// [`Elaboration::fit`] of what is already at its place.
+    fn fit_placed(
+        &mut self,
+        unit: &'static str,
+        name: &str,
+        word: Word,
+        Operand {
+            bits,
+            exact: from,
+            is_float,
+        }: Operand,
+    ) -> Fit {
         if word.format.is_float() {
             self.saturates(unit, name, word);
         }
@@ -276,23 +301,8 @@ impl Elaboration {
                 Format { frac_bits: from.frac_bits, ..word.format }.within(MAX_WIDTH_BITS)
             ));
         }
-        self.fit_parts(unit, word, from, from.bits());
-        Fit::new(self.signal(unit, name, word), word, from)
-    }
-
-    /// [`Elaboration::fit`] of a floating-point product, of which only `bits` bits are not 0.
-    pub fn fit_float(
-        &mut self,
-        unit: &'static str,
-        name: &str,
-        word: Word,
-        (from, bits): (Exact, i32),
-    ) -> Fit {
-        if !word.format.is_float() {
-            self.shifter(unit, from.bits());
-            return self.fit(unit, name, word, from);
-        }
-        self.fit_parts(unit, word, from, bits);
+        let held = if is_float { bits } else { from.bits() };
+        self.fit_parts(unit, word, from, held);
         Fit::new(self.signal(unit, name, word), word, from)
     }
 
@@ -333,13 +343,20 @@ impl Elaboration {
     /// [`Elaboration::fit`] of a result that is shifted first by any number of places: to the left
     /// until it always saturates, to the right until only the sign is left.
     /// The shift of a floating-point word is a sum of exponents.
-    pub fn fit_shifted(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
+    pub fn fit_shifted(
+        &mut self,
+        unit: &'static str,
+        name: &str,
+        word: Word,
+        from: impl Into<Operand>,
+    ) -> Fit {
+        let operand = from.into();
         if word.format.is_float() {
             self.adders(unit, 1, EXPONENT_BITS);
         } else {
-            self.shifter(unit, from.bits() + word.format.width());
+            self.shifter(unit, operand.exact.bits() + word.format.width());
         }
-        self.fit(unit, name, word, from)
+        self.fit_placed(unit, name, word, operand)
     }
 
     fn signal(&mut self, unit: &'static str, name: &str, word: Word) -> usize {
@@ -441,12 +458,35 @@ impl Elaboration {
     }
 }
 
-/// Operand of a multiplier.
+/// Operand of a multiplier, or of what rounds a result.
 #[derive(Clone, Copy, Debug)]
 pub struct Operand {
+    /// Bits that can be other than 0.
     bits: i32,
     exact: Exact,
+    /// Whether they are a significand, and not at their place.
     is_float: bool,
+}
+
+impl Operand {
+    /// A floating-point word, or a product of them, with so many significant bits.
+    pub fn significant(exact: Exact, bits: i32) -> Self {
+        Operand {
+            bits,
+            exact,
+            is_float: true,
+        }
+    }
+}
+
+impl From<Exact> for Operand {
+    fn from(exact: Exact) -> Self {
+        Operand {
+            bits: exact.bits(),
+            exact,
+            is_float: false,
+        }
+    }
 }
 
 impl From<Word> for Operand {

@@ -400,12 +400,7 @@ impl<'e> Builder<'e> {
     /// The only operator that loses bits: puts an exact result into the word called `name`.
     pub fn fit(&mut self, name: &str, word: Word, from: Wire) -> Wire {
         let node = self.of(from);
-        let fit = if node.is_float() {
-            let result = (node.shape, node.significant_bits);
-            self.e.fit_float(self.unit, name, word, result)
-        } else {
-            self.e.fit(self.unit, name, word, node.shape)
-        };
+        let fit = self.e.fit(self.unit, name, word, node.result());
         self.word(Operator::Fit(from, fit), word, node.power)
     }
 
@@ -420,7 +415,7 @@ impl<'e> Builder<'e> {
     /// [`Builder::fit`] under another power than the result's own: by a shifter.
     pub fn fit_to(&mut self, name: &str, word: Word, from: Wire, power: Power) -> Wire {
         let node = self.of(from);
-        let fit = self.e.fit_shifted(self.unit, name, word, node.shape);
+        let fit = self.e.fit_shifted(self.unit, name, word, node.result());
         let more = self.exponent_of(power.times(node.power.inverse()));
         self.word(Operator::FitShifted(from, more, fit), word, power)
     }

@@ -10,7 +10,6 @@ use crate::elaboration::EXPONENT_BITS;
 use crate::elaboration::latency::Path;
 use crate::functions::{reciprocal, square_root, table};
 use crate::machine::TableShape;
-use crate::num::Fit;
 
 impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     /// The longest path to any result.
@@ -46,17 +45,6 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         self.node(wire).bits()
     }
 
-    /// A path through what rounds a result to a word.
-    fn fit(&self, from: Wire, fit: &Fit, path: Path) -> Path {
-        let from = self.node(from);
-        let path = if from.is_float() && !fit.word.format.is_float() {
-            path.shift(from.bits())
-        } else {
-            path
-        };
-        path.fit_word(fit.word, from.factor_bits())
-    }
-
     /// A path through an operator.
     fn through(&self, node: &Node, path: Path) -> Path {
         let bits = node.bits();
@@ -89,11 +77,14 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 path.choose(2)
             }
             Operator::Fit(from, fit) | Operator::FitShifted(from, _, fit) => {
-                let path = match node.operator {
-                    Operator::FitShifted(..) => path.shift(bits),
+                let is_float = fit.word.format.is_float();
+                let path = match (node.operator, is_float) {
+                    (Operator::FitShifted(..), true) => path.compare(EXPONENT_BITS),
+                    (Operator::FitShifted(..), false) => path.shift(bits),
+                    (_, false) if self.node(from).is_float() => path.shift(self.bits(from)),
                     _ => path,
                 };
-                self.fit(from, &fit, path)
+                path.fit_word(fit.word, self.node(from).factor_bits())
             }
             Operator::Lead(from) => path.count(self.bits(from)),
             Operator::Normalised(from, _) => path.shift(self.bits(from)),

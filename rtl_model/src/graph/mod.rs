@@ -30,7 +30,7 @@ pub use builder::Builder;
 pub use power::Power;
 pub use run::{BATCH, Batch, Program, ROWS, Run};
 
-use crate::elaboration::Signal;
+use crate::elaboration::{Operand, Signal};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::num::{Exact, Fit};
 use crate::probe::{NoProbe, Probe, Tap};
@@ -184,6 +184,15 @@ impl Node {
             self.significant_bits
         } else {
             self.bits()
+        }
+    }
+
+    /// What is rounded.
+    fn result(&self) -> Operand {
+        if self.is_float() {
+            Operand::significant(self.shape, self.significant_bits)
+        } else {
+            self.shape.into()
         }
     }
 

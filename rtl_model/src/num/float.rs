@@ -170,6 +170,16 @@ impl Format {
         word.signum() * (word.abs() >> shift << shift)
     }
 
+    /// The least representable word that is not below a word from 0 on.
+    pub fn representable_from(self, word: i64) -> i64 {
+        let below = self.representable(word);
+        if below == word {
+            return word;
+        }
+        let shift = significant_shift(word.unsigned_abs().into(), self.significant_bits, 0);
+        below + (1 << shift)
+    }
+
     pub(super) fn check_float(self, text: &str) -> Result<(), String> {
         let most = MAX_SIGNIFICANT_BITS.min(self.magnitude_bits() - 1);
         if (LEAST_SIGNIFICANT_BITS..=most).contains(&self.significant_bits) {

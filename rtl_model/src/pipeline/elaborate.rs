@@ -214,7 +214,7 @@ impl Machine {
         }
         if sort.kind != SortKind::Radix {
             // Sorters are a part of the microarchitecture.
-            return Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()));
+            return Some(e.fit(unit::SORT, "key", sort.key, self.project.depth));
         }
         // One counts the next digit's values, one counts where the next entry of this digit's value
         // goes, or sums up.
@@ -233,7 +233,7 @@ impl Machine {
                 Operator::Register(SORT_COUNT_BITS as i32 + key_bits),
             )
         });
-        Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()))
+        Some(e.fit(unit::SORT, "key", sort.key, self.project.depth))
     }
 
     /// Only ellipsoids, and splats that are grouped by windows, are lit before they are drawn.

@@ -8,7 +8,7 @@
 
 use crate::graph::Graph;
 use crate::machine::Machine;
-use crate::num::Fit;
+use crate::num::{Fit, Format};
 use crate::probe::{NoProbe, Tap};
 use crate::units::gauss;
 
@@ -17,6 +17,7 @@ use crate::units::gauss;
 pub struct Reach {
     peak: Fit,
     gauss: Graph<1>,
+    opacity: Format,
     /// Greatest words: of an opacity up to 1, and of a radial index.
     most: [i64; 2],
 }
@@ -28,6 +29,7 @@ impl Reach {
         Reach {
             peak: Fit::new(0, machine.ellipse.amplitude, opacity.into()),
             gauss: gauss::weights(machine),
+            opacity: opacity.format,
             most: [opacity.format.one().min(opacity.format.max()), radial.max()],
         }
     }
@@ -49,14 +51,15 @@ impl Reach {
         counts(0).then(|| last_that([0, self.most[1]], counts))
     }
 
-    /// Least opacity (`splat.opacity`) that has at least this weight anywhere; 1 plus one ulp where
+    /// Least opacity (`splat.opacity`) that has at least this weight anywhere; the next word after 1 where
     /// no opacity up to 1 has.
     pub fn least_opacity(&self, least_weight: i64) -> i64 {
         let is_seen = |opacity: i64| self.weight(opacity, 0) >= least_weight;
         if is_seen(0) {
             0
         } else {
-            1 + last_that([0, self.most[0]], |opacity| !is_seen(opacity))
+            let unseen = last_that([0, self.most[0]], |opacity| !is_seen(opacity));
+            self.opacity.representable_from(unseen + 1)
         }
     }
 }

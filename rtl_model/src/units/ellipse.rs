@@ -231,7 +231,7 @@ impl Ellipse {
             let sum = e.sum(UNIT, [slope_squared, one, tilt_squared]);
             e.fit(UNIT, "shape", m.shape, sum)
         });
-        e.fit_shifted(UNIT, "low_pass", m.low_pass, m.low_pass.into());
+        e.fit_shifted(UNIT, "low_pass", m.low_pass, m.low_pass);
         let spread = e.copies(3, |e| e.times(UNIT, m.size_squared, m.shape));
         e.copies(2, |e| {
             let sum = e.sum(UNIT, [spread, m.low_pass.into()]);

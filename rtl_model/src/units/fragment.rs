@@ -429,7 +429,7 @@ impl Fragment {
             ],
             read: [(3, m.colour_sum), (1, m.opacity_sum)].map(|(copies, sum)| {
                 e.copies(copies, |e| {
-                    e.fit(unit::SHADE, "premultiplied", premultiplied, sum.into())
+                    e.fit(unit::SHADE, "premultiplied", premultiplied, sum)
                 })
             }),
             blend: [

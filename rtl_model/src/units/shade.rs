@@ -230,13 +230,11 @@ impl Shade {
         Shade {
             reciprocal,
             root,
-            weight_share: e.fit_shifted(UNIT, "share", m.share, f.weight_sum.into()),
-            colour_share: e.copies(3, |e| {
-                e.fit_shifted(UNIT, "share", m.share, f.colour_sum.into())
-            }),
-            opacity_share: e.fit_shifted(UNIT, "share", m.share, f.opacity_sum.into()),
+            weight_share: e.fit_shifted(UNIT, "share", m.share, f.weight_sum),
+            colour_share: e.copies(3, |e| e.fit_shifted(UNIT, "share", m.share, f.colour_sum)),
+            opacity_share: e.fit_shifted(UNIT, "share", m.share, f.opacity_sum),
             normal_share: e.copies(3, |e| {
-                e.fit_shifted(UNIT, "normal_share", m.normal_share, f.normal_sum.into())
+                e.fit_shifted(UNIT, "normal_share", m.normal_share, f.normal_sum)
             }),
             rgb: e.copies(3, |e| e.fit(UNIT, "rgb", m.rgb, divided)),
             opacity: e.fit(UNIT, "opacity", m.opacity, divided),

@@ -3,6 +3,7 @@
 
 use proptest::prelude::*;
 use rtl_model::Machine;
+use rtl_model::num::float::{LEAST_SIGNIFICANT_BITS, MAX_SIGNIFICANT_BITS};
 use rtl_model::num::{Format, MAX_FRACTION_BITS, MAX_WIDTH_BITS};
 use serde_json::{Value, json};
 
@@ -16,7 +17,7 @@ pub struct Mutation {
 }
 
 pub fn mutations(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Mutation>> {
-    let one = (any::<prop::sample::Index>(), 0u8..8, -64..64i32, -64..64i32);
+    let one = (any::<prop::sample::Index>(), 0u8..9, -64..64i32, -64..64i32);
     prop::collection::vec(
         one.prop_map(|(field, kind, first, second)| Mutation {
             field,
@@ -121,7 +122,7 @@ fn change(leaf: &Value, pointer: &str, m: &Mutation) -> Value {
 
 /// Another format, or another rounding or overflow.
 fn word(format: Format, long: Option<&Value>, m: &Mutation) -> Value {
-    let text = match m.kind {
+    let format = match m.kind {
         0 => wide(format.signed, m),
         1 => anything(m),
         2 => valid(
@@ -134,19 +135,26 @@ fn word(format: Format, long: Option<&Value>, m: &Mutation) -> Value {
             format.int_bits + m.first % 4,
             format.frac_bits + m.second % 8,
         ),
+        6 => floating(format, m),
         _ => {
             let round =
                 ["truncate", "nearest", "nearest-even"][m.first.unsigned_abs() as usize % 3];
-            let overflow =
-                ["saturate", "saturate", "saturate", "wrap"][m.second.unsigned_abs() as usize % 4];
+            let overflow = if format.is_float() {
+                "saturate"
+            } else {
+                ["saturate", "saturate", "saturate", "wrap"][m.second.unsigned_abs() as usize % 4]
+            };
             return json!({ "format": format.to_string(), "round": round, "overflow": overflow });
         }
-    }
-    .to_string();
+    };
+    let text = format.to_string();
     match long {
         Some(Value::Object(fields)) => {
             let mut fields = fields.clone();
             fields.insert("format".into(), json!(text));
+            if format.is_float() {
+                fields.insert("overflow".into(), json!("saturate"));
+            }
             Value::Object(fields)
         }
         _ => json!(text),
@@ -172,6 +180,19 @@ fn anything(m: &Mutation) -> Format {
         int_bits: width - frac_bits,
         frac_bits,
         significant_bits: 0,
+    }
+}
+
+/// The same word with fewer significant bits; unchanged where it is too narrow.
+fn floating(format: Format, m: &Mutation) -> Format {
+    let most = (format.magnitude_bits() - 1).min(MAX_SIGNIFICANT_BITS);
+    let span = most - LEAST_SIGNIFICANT_BITS + 1;
+    if span <= 0 {
+        return format;
+    }
+    Format {
+        significant_bits: LEAST_SIGNIFICANT_BITS + m.second.rem_euclid(span),
+        ..format
     }
 }
 

@@ -194,7 +194,7 @@ impl Ellipsoids {
             [below, (1 << bits) - 1]
         });
         e.fit(UNIT, "amplitude", m.amplitude, shown);
-        e.fit(UNIT, "amplitude", m.amplitude, machine.splat.opacity.into());
+        e.fit(UNIT, "amplitude", m.amplitude, machine.splat.opacity);
         Some(Ellipsoids {
             ray_root,
             compensation_root,

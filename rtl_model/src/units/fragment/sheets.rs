@@ -101,7 +101,7 @@ impl SheetDatapath {
         Some(SheetDatapath {
             closed,
             plain,
-            index: e.fit(UNIT, "depth_index", words.depth_index, m.weight_sum.into()),
+            index: e.fit(UNIT, "depth_index", words.depth_index, m.weight_sum),
             ratio: e.fit(
                 UNIT,
                 "ratio",

@@ -420,7 +420,7 @@ impl WindowDatapath {
             e.limit(UNIT, cost.bits() + LEAST_SEEN as i32);
         });
         // 2, 7: colours, of three channels and opacity.
-        let rest = e.fit(UNIT, "window.through", words.through, shaded.into());
+        let rest = e.fit(UNIT, "window.through", words.through, shaded);
         let dimmed = [
             e.copies(2, |e| e.times(UNIT, words.through, words.part)),
             e.times(UNIT, words.through, shaded),
@@ -510,7 +510,7 @@ impl WindowDatapath {
                 table::interpolated(words.density, density_bits),
             ),
             splat: [
-                e.fit(unit::SHADE, "premultiplied", shaded, words.hidden.into()),
+                e.fit(unit::SHADE, "premultiplied", shaded, words.hidden),
                 e.copies(3, |e| e.fit(unit::SHADE, "premultiplied", shaded, coloured)),
             ],
             over,
