@@ -6,12 +6,13 @@
 //! ```
 
 use super::latency::Path;
+use super::masks::Masks;
 use super::sorter::SorterShape;
 use super::{Elaboration, Operator, Part, unit};
 use crate::machine::timing::{
     Cache, Environment, Memory, Organisation, Queue, Setup, Technology, Tile, Timing,
 };
-use crate::machine::{BinTest, Group, Machine, Merge};
+use crate::machine::{BinTest, Group, Machine, MaskMaker, Merge};
 use crate::num::Word;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -122,6 +123,22 @@ impl Microarchitecture {
             && before(self) == before(other)
     }
 
+    /// Masks of the entries of lists, if they have any.
+    pub fn masks(&self) -> Option<Masks> {
+        self.bin.and_then(|bin| bin.masks)
+    }
+
+    /// Masks that `list` makes, and their latency.
+    pub fn masks_of_list(&self) -> Option<(Masks, u32)> {
+        let masks = self.masks().filter(|masks| masks.made == MaskMaker::List)?;
+        Some((masks, self.bin.and_then(|bin| bin.mask_latency)?))
+    }
+
+    /// Bytes of an entry of a tile's list: index of the splat, and its mask.
+    pub fn entry_bytes(&self) -> u32 {
+        entry_bytes(self.masks().map_or(0, |masks| masks.listed_bits()))
+    }
+
     /// Lanes of a stamp that belong to one fragment unit.
     pub fn lanes_of_fragment(&self) -> u32 {
         lanes_of_fragment(&self.timing)
@@ -218,7 +235,7 @@ pub struct Microarchitecture {
     pub paths: Paths,
     /// Pipeline registers of each unit.
     #[serde(skip)]
-    pub pipelines: [Pipeline; 9],
+    pub pipelines: [Pipeline; 10],
     /// Buffered words and words kept on the chip.
     pub storage: Storage,
     /// The memory at this clock, with the values of its preset.
@@ -320,7 +337,8 @@ pub struct Storage {
 /// Width of the sort's counts: they index as many entries as 4 bytes can.
 pub const SORT_COUNT_BITS: u64 = 32;
 
-/// A test of tiles. It tests one tile per cycle.
+/// A test of tiles. It tests one tile per cycle, or the subtiles of a tile if masks are made in
+/// `bin`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct BinShape {
     /// Kind of the test.
@@ -333,6 +351,12 @@ pub struct BinShape {
     /// Bits of a splat before the test, and of what the tests of its tiles use.
     #[serde(skip)]
     pub bits: [i32; 2],
+    /// Masks of the entries of lists, if they have any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub masks: Option<Masks>,
+    /// Cycles from the record of a splat to its mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mask_latency: Option<u32>,
 }
 
 /// A test of tiles, and the words that it uses. The unit `bin` builds its arithmetic from them.
@@ -440,8 +464,13 @@ fn lanes_of_fragment(timing: &Timing) -> u32 {
         .div_ceil(units(timing.fragment.units))
 }
 
-/// Bytes of an entry of a tile's list: index of the splat.
+/// Bytes of an entry of a tile's list without a mask: index of the splat.
 pub const ENTRY_BYTES: u32 = 4;
+
+/// Bytes of an entry with a mask of these bits.
+fn entry_bytes(mask_bits: u32) -> u32 {
+    ENTRY_BYTES + bytes(mask_bits as i32)
+}
 /// Bits of a tree node besides its splat, sphere and widest σ: cone, first child, number of
 /// children.
 const NODE_BITS: i32 = 8 + 32 + 8;
@@ -611,6 +640,7 @@ impl Machine {
             },
         );
         let sorter = self.sorter_shape(e);
+        let mask_bits = self.listed_mask_bits();
         let sort = self.sort.map(|sort| {
             let [passes, digit_bits] = if sorter.is_some() {
                 [0; 2]
@@ -620,7 +650,7 @@ impl Machine {
             SortShape {
                 passes,
                 digit_bits,
-                entry_bytes: ENTRY_BYTES + bytes(sort.key_bits() as i32),
+                entry_bytes: entry_bytes(mask_bits) + bytes(sort.key_bits() as i32),
                 sorter,
             }
         });
@@ -633,6 +663,13 @@ impl Machine {
                 format!("timing.memory.burst_bytes is {burst_bytes}: an entry of a list that is to be sorted has {}", shape.entry_bytes)
             });
         }
+        e.require(memory.burst_bytes >= entry_bytes(mask_bits) || memory.burst_bytes < ENTRY_BYTES, || {
+            format!(
+                "timing.memory.burst_bytes is {}: an entry of a tile's list with its mask has {}",
+                memory.burst_bytes,
+                entry_bytes(mask_bits)
+            )
+        });
         let fragment_bytes = bytes(self.fragment_bits());
         let frame_bytes = bytes(4 * self.resolve.frame.format.stored_bits());
         let pixels = t.cache.line_px[0].saturating_mul(t.cache.line_px[1]);
@@ -700,6 +737,9 @@ impl Machine {
             },
             |of| of.pace,
         );
+        let in_list = bin
+            .filter(|bin| bin.masks.is_some_and(|masks| masks.made == MaskMaker::List))
+            .and_then(|bin| Some((bin.mask_latency?, bin.bits)));
         let [setup_in, setup_out] = [widths.point, widths.prepared + widths.more];
         let pipelines = [
             Pipeline::new(
@@ -728,6 +768,15 @@ impl Machine {
                     fifo: 0,
                 };
                 Pipeline::new(unit::BIN, &pace, 1, bits.map(i64::from))
+            }),
+            in_list.map_or(NO_TEST, |(latency, bits)| {
+                let pace = Pace {
+                    units: 1,
+                    latency,
+                    interval: 1,
+                    fifo: 0,
+                };
+                Pipeline::new(unit::LIST, &pace, engines, bits.map(i64::from))
             }),
             Pipeline::new(
                 unit::RASTER,
@@ -1057,7 +1106,7 @@ impl Machine {
                 unit::RASTER,
                 if immediate { 0 } else { t.fetch.fifo },
                 engines,
-                w.prepared,
+                w.prepared + Masks::of(self).map_or(0, |masks| i64::from(masks.bits)),
             ),
             fifo(unit::GAUSS, t.raster.fifo, engines, w.rastered),
             fifo(weighed, t.gauss.fifo, engines, w.weighed),
@@ -1351,8 +1400,9 @@ fn check(timing: &Timing, e: &mut Elaboration) {
         format!("timing.cache has {lines} lines in sets of {ways}: no set is full")
     });
     let Tile { side_px, buffers } = timing.tile;
-    e.require(side_px % 16 == 0 && (16..=1024).contains(&side_px), || {
-        format!("timing.tile.side_px is {side_px}: it must be a multiple of 16 up to 1024")
+    let is_side = |multiple: u32, most: u32| side_px % multiple == 0 && side_px <= most;
+    e.require(side_px > 0 && (is_side(4, 128) || is_side(16, 1024)), || {
+        format!("timing.tile.side_px is {side_px}: it must be a multiple of 4 up to 128, or of 16 up to 1024")
     });
     let of_fragment = units(timing.fragment.units);
     e.require(of_fragment.is_power_of_two(), || {

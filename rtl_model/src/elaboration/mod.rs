@@ -7,6 +7,7 @@
 
 use crate::machine::FunctionUnit;
 pub mod latency;
+pub mod masks;
 pub mod microarchitecture;
 pub mod sorter;
 

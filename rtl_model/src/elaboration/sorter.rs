@@ -35,15 +35,23 @@ pub struct SorterShape {
     pub bucket_bits: Option<u32>,
     /// Bits of the key.
     pub key_bits: u32,
+    /// Bits of the mask in an entry.
+    #[serde(skip)]
+    pub mask_bits: u32,
 }
 
 /// Default of `bucket_bits`.
 const BUCKET_BITS: u32 = 6;
 
 impl SorterShape {
-    /// Bits of an entry: index of the splat, and its key.
-    fn entry_bits(&self) -> i32 {
+    /// Bits of an entry that are compared: index of the splat, and its key.
+    fn compared_bits(&self) -> i32 {
         (8 * ENTRY_BYTES + self.key_bits) as i32
+    }
+
+    /// Bits of an entry, with its mask.
+    fn entry_bits(&self) -> i32 {
+        self.compared_bits() + self.mask_bits as i32
     }
 
     /// Compare-exchange elements of a network: half as many per stage as entries.
@@ -54,7 +62,7 @@ impl SorterShape {
     /// Critical path of a merger: it compares the heads of two runs and takes one; the next
     /// comparison depends on it.
     pub fn merge_path(&self) -> Path {
-        Path::default().sum(self.entry_bits()).choose(2)
+        Path::default().sum(self.compared_bits()).choose(2)
     }
 
     /// Bits of the buffers of all sorters. If lists are distributed to buckets, each bucket has a
@@ -73,17 +81,17 @@ impl SorterShape {
 
     /// Declares the parts of the sorters.
     pub fn declare(&self, e: &mut Elaboration) {
-        let bits = self.entry_bits();
+        let (bits, compared) = (self.entry_bits(), self.compared_bits());
         e.copies(self.units, |e| {
             // The index of the splat is compared after the key, so entries with equal keys stay in
             // input order.
-            e.adders(unit::SORT, self.exchanges(), bits);
+            e.adders(unit::SORT, self.exchanges(), compared);
             e.copies(2 * self.exchanges(), |e| e.choice(unit::SORT, 2, bits));
             e.copies(self.network * self.network_latency, |e| {
                 e.part(unit::SORT, Operator::Register(bits))
             });
             // Comparison of two heads, and register of the entry that leaves.
-            e.adders(unit::SORT, 1, bits);
+            e.adders(unit::SORT, 1, compared);
             e.choice(unit::SORT, 2, bits);
             e.copies(3, |e| e.part(unit::SORT, Operator::Register(bits)));
             // Addresses of the loaded entry, of both heads, of the stored entry, and of the end of
@@ -169,6 +177,7 @@ impl Machine {
             network_latency,
             bucket_bits,
             key_bits,
+            mask_bits: self.listed_mask_bits(),
         };
         let path = shape.merge_path();
         e.require(path.least_cycles(t.technology, t.clock_hz) == Some(1), || {

@@ -276,6 +276,29 @@ pub enum BinTest {
 pub struct Bin {
     /// Test of a tile; left out, `box`.
     pub test: BinTest,
+    /// Side of a subtile: 4, 8 or 16 pixels. Each entry of a list then has a mask with one bit per
+    /// subtile of the tile, by rows. A bit is the result of the test for the subtile. The rasteriser
+    /// skips subtiles whose bit is not set. Left out, entries have no mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub subtile_px: Option<u32>,
+    /// Where masks are made; left out, in `bin`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub masks: Option<MaskMaker>,
+    /// Subtiles that are tested per cycle, 1 to 64; left out, 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mask_tests: Option<u32>,
+}
+
+/// Where the masks of list entries are made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MaskMaker {
+    /// In `bin`, once per entry: masks are written, sorted and read with their entries. An entry
+    /// without a set bit is not written.
+    #[default]
+    Bin,
+    /// In `list`, when the record of an entry has arrived: entries in memory have no mask.
+    List,
 }
 
 /// How a row of the box is started.

@@ -313,7 +313,7 @@ pub struct Cache {
 #[schemars(rename = "TileTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Tile {
-    /// Side, pixels: a multiple of 16.
+    /// Side, pixels: a multiple of 4 up to 128, or a multiple of 16 up to 1024.
     pub side_px: u32,
     /// 1: a tile is drawn after the previous one is resolved. 2: while the previous one is
     /// resolved; merging and resolving then have separate shade units.

@@ -5,6 +5,7 @@
 
 use super::discs::Discs;
 use crate::elaboration::latency::Path;
+use crate::elaboration::masks::Masks;
 use crate::elaboration::microarchitecture::{
     BinShape, BinWords, Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS,
 };
@@ -187,15 +188,22 @@ impl Machine {
 
     /// The test of tiles, if the machine has one.
     fn elaborate_bin(&self, e: &mut Elaboration) -> Option<BinShape> {
+        self.check_masks(e);
         let words = BinWords::of(self)?;
         e.require(self.timing.organisation == Organisation::Binned, || {
             "timing.organisation is immediate, but bin.test tests tiles, and only a binned machine has lists of tiles: leave `bin` out, or use binned".into()
         });
-        words.declare(e);
+        let masks = Masks::of(self);
+        words.declare(masks, self.timing.engines.unwrap_or(1).clamp(1, 64), e);
+        let cycles = |path: Path| path.cycles_at(&self.timing).max(1);
+        let mask_latency = masks.map(|masks| cycles(masks.path(words)));
+        let in_bin = mask_latency.filter(|_| self.listed_mask_bits() > 0);
         Some(BinShape {
             test: words.test,
-            latency: words.path().cycles_at(&self.timing).max(1),
+            latency: in_bin.unwrap_or_else(|| cycles(words.path())),
             bits: [words.splat_bits(), words.tile_bits()],
+            masks,
+            mask_latency,
             words,
         })
     }
@@ -226,11 +234,12 @@ impl Machine {
         e.copies(2, |e| {
             e.choice(unit::SORT, sort.passes(), digit_bits as i32)
         });
-        // An entry, a splat's number and its key, is read, and is written.
+        // An entry, a splat's number, its key and its mask, is read, and is written.
+        let mask_bits = self.listed_mask_bits() as i32;
         e.copies(2, |e| {
             e.part(
                 unit::SORT,
-                Operator::Register(SORT_COUNT_BITS as i32 + key_bits),
+                Operator::Register(SORT_COUNT_BITS as i32 + key_bits + mask_bits),
             )
         });
         Some(e.fit(unit::SORT, "key", sort.key, self.project.depth))

@@ -10,6 +10,8 @@ pub const ELLIPSE: &str = "ellipse";
 pub const COLOUR: &str = "colour";
 /// Tests tiles and writes their lists.
 pub const BIN: &str = "bin";
+/// Reads the lists of tiles, and makes the masks of their entries if `bin` does not.
+pub const LIST: &str = "list";
 /// Sorts splats by depth.
 pub const SORT: &str = "sort";
 /// Ellipse → fragments.
@@ -30,9 +32,11 @@ pub const ALL: [&str; 9] = [
     PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE,
 ];
 
-/// All units with parts. Fetch, where it walks trees, has no words; bin uses those of raster.
-pub const BUILT: [&str; 12] = [
-    FETCH, PROJECT, ELLIPSE, COLOUR, BIN, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
+/// All units with parts. Fetch, where it walks trees, has no words; bin and list use those of
+/// raster.
+pub const BUILT: [&str; 13] = [
+    FETCH, PROJECT, ELLIPSE, COLOUR, BIN, SORT, LIST, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT,
+    RESOLVE,
 ];
 
 /// All units with words: those with ports, and reflect, which is inside shade and shares its ports.

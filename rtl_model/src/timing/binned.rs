@@ -19,19 +19,20 @@
 pub mod batched;
 mod lists;
 
-pub use lists::{Lists, TileTests};
+pub use lists::{Lists, MaskCounts, TileTests};
 
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::memory::{Direction, LISTS, Memory, Outstanding, RECORDS, Requester, WORDS};
 use super::sorters;
 use super::stages::{Fill, FinalPixels, Merge, Resolve, SetUp, Stamp};
-use super::stamps::Stamps;
+use super::stamps::{Stamps, are_whole};
 use super::stops::{self, EarlyTermination, StopMap};
 use super::texels;
 use super::texels::Texels;
 use super::tiles::{Shares, TileCycles, Tiles, names};
-use crate::elaboration::microarchitecture::{self, LENGTH_VALUES, Microarchitecture, Pace};
+use crate::elaboration::masks::Masks;
+use crate::elaboration::microarchitecture::{LENGTH_VALUES, Microarchitecture, Pace};
 use crate::elaboration::unit;
 use crate::machine::timing::Queue;
 use crate::work::{Footprint, Work};
@@ -39,8 +40,6 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
 
-/// Bytes of a list's entry: index of the splat.
-pub const ENTRY_BYTES: u64 = microarchitecture::ENTRY_BYTES as u64;
 /// Distance between lists.
 pub const LIST_BYTES: u64 = 1 << 24;
 
@@ -122,6 +121,10 @@ impl<'a> Listed<'a> {
             .iter()
             .map(|engine| engine.merge.light + engine.resolve.light)
             .sum();
+        let tests = tests.map(|tests| TileTests {
+            masks: tests.masks.map(|masks| masks_of(masks, &engines)),
+            ..tests
+        });
         let mut each: [Vec<Unit>; 7] = Default::default();
         for Engine {
             list,
@@ -166,6 +169,20 @@ impl<'a> Listed<'a> {
     }
 }
 
+/// Adds the counts of the engines to those of masks.
+fn masks_of(masks: MaskCounts, engines: &[Engine]) -> MaskCounts {
+    let of_list = |of: fn(&ListMasks) -> u64| {
+        let engines = engines.iter().filter_map(|engine| engine.masks.as_ref());
+        engines.map(of).sum::<u64>()
+    };
+    MaskCounts {
+        tested: masks.tested + of_list(|masks| masks.tested),
+        list_cycles: of_list(|masks| masks.cycles),
+        seeds: engines.iter().map(|engine| engine.fill.seeds).sum(),
+        ..masks
+    }
+}
+
 /// Cycles of sorting the queue by the lengths of lists, between the passes, digit by digit: one per
 /// tile with an entry, and one per value of the digit.
 fn queue_cycles(lists: &Lists) -> u64 {
@@ -196,6 +213,8 @@ struct Engine<'a> {
     lit: Option<Unit>,
     /// Its cache of texels.
     lit_texels: Option<Texels>,
+    /// Makes masks, if `bin` does not.
+    masks: Option<ListMasks>,
     outstanding: Outstanding,
     /// The cycles from which the buffers of the last tiles are free again, the earlier tile first.
     buffers: [u64; 2],
@@ -203,6 +222,45 @@ struct Engine<'a> {
     tile: Option<TileState>,
     /// Footprints of the current list.
     footprints: Vec<Footprint>,
+}
+
+/// Makes the masks of the entries that `list` has read, in order. An item is an entry whose record
+/// has arrived. Its place in the FIFO in front of raster holds the mask.
+struct ListMasks {
+    shape: Masks,
+    latency: u64,
+    /// Cycle from which the next entry can be tested.
+    free: u64,
+    tested: u64,
+    cycles: u64,
+}
+
+impl ListMasks {
+    fn new(t: &Microarchitecture) -> Option<Self> {
+        let (shape, latency) = t.masks_of_list()?;
+        Some(ListMasks {
+            shape,
+            latency: latency.into(),
+            free: 0,
+            tested: 0,
+            cycles: 0,
+        })
+    }
+
+    /// Tests this number of subtiles of an entry from this cycle on; returns the cycle in which
+    /// raster can take it.
+    fn test(&mut self, here: u64, subtiles: u64, is_lifted: bool) -> u64 {
+        let cycles = if is_lifted {
+            0
+        } else {
+            self.shape.cycles(subtiles)
+        };
+        let now = here.max(self.free);
+        self.free = now + cycles;
+        self.tested += subtiles;
+        self.cycles += cycles;
+        now + cycles.saturating_sub(1) + self.latency
+    }
 }
 
 /// State of a tile on an engine.
@@ -258,6 +316,7 @@ impl<'a> Engine<'a> {
             resolve: Resolve::new(t, Rc::clone(held), detail, nth),
             lit: (t.timing.tile.buffers == 2).then(|| lit().behind_others(nth * t.shade.units)),
             lit_texels: Texels::new(t, work).filter(|_| t.timing.tile.buffers == 2),
+            masks: ListMasks::new(t),
             outstanding: Outstanding::new(t.timing.memory.outstanding),
             buffers: [from; 2],
             list_from: from,
@@ -320,7 +379,9 @@ impl<'a> SecondPass<'a> {
         let mut engines: Vec<Engine> = (0..t.engines)
             .map(|nth| Engine::new(t, self.work, &held, self.from, detail, nth))
             .collect();
-        let mut walk = Stamps::new(self.work, t.timing.raster.lanes);
+        // Each recorded tile is read in order by one engine, or anew for each tile.
+        let walks = if are_whole(t) { 1 } else { engines.len() };
+        let mut walks: Vec<Stamps> = (0..walks).map(|_| Stamps::of_tiles(t, self.work)).collect();
         let mut stops = StopMap::new(self.work);
         let mut shares = vec![Shares::new(self.from); engines.len()];
         let mut turns = Vec::new();
@@ -333,10 +394,13 @@ impl<'a> SecondPass<'a> {
                 .min()
                 .unwrap_or(u64::MAX);
             let engine = &mut engines[nth];
+            let own = nth % walks.len();
+            let walk = &mut walks[own];
             let mut tile = match engine.tile.take() {
                 Some(tile) => tile,
                 None => {
                     let tile = self.begin(engine, stops.as_mut());
+                    walk.begin(tile.corner.map(|at| at as u16));
                     self.work
                         .look_up(self.lists.of(tile.place), &mut engine.footprints);
                     tile
@@ -345,14 +409,7 @@ impl<'a> SecondPass<'a> {
             if let Some(stops) = &mut stops {
                 stops.tile = tile.stops;
             }
-            let is_left = self.entry(
-                engine,
-                &mut tile,
-                &mut walk,
-                stops.as_mut(),
-                others_from,
-                memory,
-            );
+            let is_left = self.entry(engine, &mut tile, walk, stops.as_mut(), others_from, memory);
             tile.stops = stops.as_ref().map_or(tile.stops, |stops| stops.tile);
             if is_left {
                 engine.tile = Some(tile);
@@ -448,7 +505,7 @@ impl<'a> SecondPass<'a> {
         memory: &mut Memory,
     ) -> bool {
         let entries = self.lists.of(tile.place);
-        let Some(from) = self.fetch(engine, tile, stops.as_deref(), others_from, memory) else {
+        let Some(mut from) = self.fetch(engine, tile, stops.as_deref(), others_from, memory) else {
             return false;
         };
         let Engine {
@@ -456,9 +513,15 @@ impl<'a> SecondPass<'a> {
             fill,
             merge,
             footprints,
+            masks,
             ..
         } = engine;
         let footprint = &footprints[tile.nth];
+        if let Some(masks) = masks {
+            let subtiles = self.lists.subtiles(&masks.shape, footprint, tile.place);
+            let here = masks.test(from.0.max(from.1), subtiles, list.is_lifted());
+            from = (here, 0);
+        }
         // The buffer still holds the previous tile.
         let room = tile.buffer_free;
         let mut next = |stamp: Stamp, here| {
@@ -476,6 +539,7 @@ impl<'a> SecondPass<'a> {
         let area = (corner, self.t.timing.tile.side_px);
         let entry = entries[tile.nth];
         tile.boxed = (self.lists).skip(walk, self.work, (tile.place, corner), tile.boxed, entry);
+        walk.select(entry, self.lists.mask(tile.place, tile.nth));
         let taken = match stops {
             None => {
                 fill.footprint(walk, footprint, area, from, |stamp, here| {
@@ -523,7 +587,7 @@ impl<'a> SecondPass<'a> {
             ..
         } = engine;
         let entry = self.lists.of(tile.place)[tile.nth];
-        let needed = ((tile.nth as u64 + 1) * ENTRY_BYTES).div_ceil(burst);
+        let needed = ((tile.nth as u64 + 1) * u64::from(t.entry_bytes())).div_ceil(burst);
         let ready = Ready {
             here: *list_from,
             memory: outstanding.free(),
@@ -667,7 +731,7 @@ fn first_pass<'a>(
         .sort
         .filter(|sort| sort.sorter.is_some() && !work.order.is_empty())
         .map(|sort| u64::from(sort.entry_bytes));
-    let entry_bytes = keyed_bytes.unwrap_or(ENTRY_BYTES);
+    let entry_bytes = keyed_bytes.unwrap_or(t.entry_bytes().into());
     let list = |tile: usize| {
         if keyed_bytes.is_some() {
             sorters::keyed(tile)
@@ -700,7 +764,9 @@ fn first_pass<'a>(
         }
         let Some(here) = ahead.pop_front() else { break };
         let mut tiles = 0;
-        lists.each(nth, footprint, side, |_, _| tiles += 1);
+        lists.each(nth, footprint, side, |tile, _| {
+            tiles += lists.test_cycles(footprint, tile);
+        });
         // A record, then one tile per cycle: its test, its entry. Writes are queued.
         let now = bin.take(
             Ready {
@@ -722,7 +788,7 @@ fn first_pass<'a>(
         record_bursts = full;
         let mut when = now + tested;
         lists.each(nth, footprint, side, |tile, is_listed| {
-            when += each;
+            when += each * lists.test_cycles(footprint, tile);
             if !is_listed {
                 return;
             }

@@ -211,6 +211,12 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
         // Stalls for memory are not attributed to their causes: all cycles can be due to it.
         all.push((cycles.total, all.len(), "memory", Limited::Memory));
     }
+    // If `list` makes masks, it is also what the entries that have arrived stall for.
+    if timing.masks_of_list().is_some() {
+        all.iter_mut()
+            .filter(|(_, _, name, _)| *name == unit::LIST)
+            .for_each(|(at_most, ..)| *at_most = cycles.total);
+    }
     // If pixels stop, a faster unit can skip more work than its own. With parallel units, the
     // longest path can go through one of them while the others are busy, or while merges are in
     // flight.

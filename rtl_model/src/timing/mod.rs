@@ -41,7 +41,7 @@ mod walk;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use binned::batched::replay_all;
-pub use binned::{Lists, TileTests};
+pub use binned::{Lists, MaskCounts, TileTests};
 pub use limit::{Limit, Limited, limit, limits, most_gained};
 pub use memory::{Direction, MemoryCycles, REQUESTERS, Request, Requester, serve};
 pub use stops::EarlyTermination;

@@ -18,8 +18,8 @@
 //! A job is loaded when the sorter has room: after the network has taken the previous job, or at
 //! once if half a buffer is free. It begins when it is loaded and the previous job has ended. Its
 //! last pass goes to the buffer that is stored, so it stalls for the previous store. A pass over
-//! memory reads only what has been written before. Entries in their final order are stored as
-//! indices of 4 bytes.
+//! memory reads only what has been written before. Entries in their final order are stored
+//! without their keys: 4 bytes, and the mask.
 //!
 //! Each sorter takes the next list; if several are free, the first one does. Requests are in order
 //! of time; those of one cycle are in the order of sorters, stores first.
@@ -27,7 +27,7 @@
 //! Laws: `sorters_tick_as_they_are_replayed`, `a_list_that_fits_the_buffer_takes_its_formula`.
 
 use super::account::{Detail, Ready, Unit};
-use super::binned::{ENTRY_BYTES, LIST_BYTES};
+use super::binned::LIST_BYTES;
 use super::memory::{Direction, LISTS, Memory, Requester};
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use crate::elaboration::sorter::SorterShape;
@@ -85,6 +85,8 @@ struct Plan<'a> {
     shape: SortShape,
     sorter: SorterShape,
     burst: u64,
+    /// Bytes of an entry without its key.
+    sorted_bytes: u64,
     work: &'a Work,
     lists: &'a Bins,
 }
@@ -219,7 +221,13 @@ impl Plan<'_> {
             let merges = u64::from(fed.next_power_of_two().ilog2());
             let is_end = first + n == entries;
             let stores = match passes {
-                0 => self.full(sorted, before + first, n, ENTRY_BYTES, is_last && is_end),
+                0 => self.full(
+                    sorted,
+                    before + first,
+                    n,
+                    self.sorted_bytes,
+                    is_last && is_end,
+                ),
                 _ => self.full(
                     CHUNKS[0] + tile as u64 * KEYED_BYTES,
                     first,
@@ -243,7 +251,13 @@ impl Plan<'_> {
                 let n = self.half().min(entries - first);
                 let is_end = first + n == entries;
                 let stores = if is_last_pass {
-                    self.full(sorted, before + first, n, ENTRY_BYTES, is_last && is_end)
+                    self.full(
+                        sorted,
+                        before + first,
+                        n,
+                        self.sorted_bytes,
+                        is_last && is_end,
+                    )
                 } else {
                     self.full(
                         CHUNKS[(pass + 1) % 2] + tile as u64 * KEYED_BYTES,
@@ -457,6 +471,7 @@ pub fn sort_lists(
         shape,
         sorter,
         burst: t.timing.memory.burst_bytes.into(),
+        sorted_bytes: t.entry_bytes().into(),
         work,
         lists,
     };

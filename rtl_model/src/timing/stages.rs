@@ -319,6 +319,8 @@ pub struct Fill<'a> {
     pub gauss: Unit,
     /// Stamps, and those with a kept pixel.
     pub stamps: [u64; 2],
+    /// Seeds of runs.
+    pub seeds: u64,
     /// The pixels of a stamp without those that have stopped.
     kept: Vec<Piece>,
 }
@@ -348,6 +350,7 @@ impl<'a> Fill<'a> {
                 [Some(unit::RASTER), Some(behind)],
             ),
             stamps: [0; 2],
+            seeds: 0,
             kept: Vec::new(),
         }
     }
@@ -376,7 +379,9 @@ impl<'a> Fill<'a> {
             gone_through: 0,
             is_seen: false,
         };
-        if let Some(pieces) = walk.single() {
+        if walk.runs().is_some_and(|runs| runs.len() != 1) {
+            self.footprint_of_runs(walk, ready, &mut so_far, &mut next);
+        } else if let Some(pieces) = walk.single() {
             for piece in pieces {
                 self.stamp(
                     walk,
@@ -401,6 +406,39 @@ impl<'a> Fill<'a> {
             first_taken = first_taken.min(self.empty_stamps(ready, (stamps - gone_through).into()));
         }
         (first_taken, is_seen)
+    }
+
+    /// The stamps of several runs: raster takes a cycle to seed each but the first. A footprint
+    /// without a run is dropped in one cycle.
+    #[inline(never)]
+    fn footprint_of_runs(
+        &mut self,
+        walk: &Stamps,
+        ready: Ready,
+        so_far: &mut FootprintProgress,
+        next: &mut impl FnMut(Stamp, u64) -> u64,
+    ) {
+        let runs = walk.runs().unwrap_or_default();
+        if runs.is_empty() {
+            so_far.first_taken = self.raster.take_run(ready, 1);
+        }
+        let mut kept = walk.kept().peekable();
+        for (nth, run) in runs.iter().enumerate() {
+            if nth > 0 {
+                self.seeds += 1;
+                let now = self.raster.take_run(ready, 1);
+                so_far.first_taken = so_far.first_taken.min(now);
+            }
+            while let Some(stamp) = kept.next_if(|stamp| stamp[0].stamp < run.stamps[1]) {
+                self.stamp(walk, stamp, ready, so_far, next);
+            }
+            let empty = run.stamps[1] - so_far.gone_through;
+            if empty > 0 {
+                so_far.gone_through = run.stamps[1];
+                let now = self.empty_stamps(ready, empty.into());
+                so_far.first_taken = so_far.first_taken.min(now);
+            }
+        }
     }
 
     /// The next stamp with a kept pixel, after those without one.
@@ -519,7 +557,18 @@ impl<'a> Fill<'a> {
         }
         let mut first_taken = u64::MAX;
         let mut pieces = walk.kept().peekable();
+        let mut runs = walk.runs().unwrap_or_default().iter().skip(1).peekable();
         for nth in 0..stamps {
+            // The seed of a run, unless all of its pixels have stopped.
+            if let Some(run) = runs.next_if(|run| run.stamps[0] == nth) {
+                let now = self.raster.free().max(here).max(memory);
+                let sides = run.sides.map(|side| side.map(usize::from));
+                let stopped = stops.area(sides.map(|[first, last]| first..last + 1));
+                if stopped > now {
+                    self.seeds += 1;
+                    first_taken = first_taken.min(self.raster.take_run(ready, 1));
+                }
+            }
             let stamp = pieces
                 .next_if(|stamp| stamp[0].stamp == nth)
                 .unwrap_or_default();

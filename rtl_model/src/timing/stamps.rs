@@ -8,9 +8,17 @@
 //! Stamps are adjacent, from the first pixel of the box, or of its part in a tile, row by row. The
 //! kept pixels of a stamp are in strips: 16 pixels of a row, as wide as a recorded tile.
 //!
-//! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`.
+//! A mask cuts the part of a box in a tile into *runs*, each with its own stamps ([`Run`]).
+//!
+//! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`,
+//! `masks_tick_as_they_are_replayed`.
+
+mod runs;
+
+pub use runs::{are_whole, cuts};
 
 use crate::work::{Event, Footprint, Reader, TILE_PX, Work};
+use runs::Cut;
 use std::ops::Range;
 
 /// Kept pixels of a stamp in a strip.
@@ -91,6 +99,8 @@ pub struct Stamps<'a> {
     texels: Vec<u16>,
     /// First and last column and row of the footprint's part.
     sides: [[u16; 2]; 2],
+    /// For tiles that are no whole recorded tiles, or with masks.
+    cut: Option<Box<Cut<'a>>>,
 }
 
 impl<'a> Stamps<'a> {
@@ -114,11 +124,12 @@ impl<'a> Stamps<'a> {
             is_single: false,
             texels: Vec::new(),
             sides: [[0; 2]; 2],
+            cut: None,
         }
     }
 
     /// Cuts the part of the next footprint in these pixels of the picture, which are whole recorded
-    /// tiles. Returns the number of stamps.
+    /// tiles unless it finds splats. Returns the number of stamps.
     #[inline(always)]
     pub fn footprint(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32) -> u32 {
         let within = |[first, last]: [u16; 2], corner: u16| {
@@ -138,6 +149,9 @@ impl<'a> Stamps<'a> {
             tile_columns.len() == 1 && self.lanes[1] == 1 && self.width.divides_strips();
         self.pieces.clear();
         self.texels.clear();
+        if self.cut.is_some() {
+            return self.cut_footprint(footprint, corner);
+        }
         let mut first_stamp = 0;
         for tile_row in tile(rows[0])..=tile(rows[1]) {
             let top = (tile_row * TILE_PX) as u16;
@@ -164,6 +178,7 @@ impl<'a> Stamps<'a> {
 
     /// Skips the part of the next footprint in these pixels, which has no kept pixel.
     pub fn skip(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32) {
+        self.select(0, u64::MAX);
         self.footprint(footprint, corner, side);
         debug_assert!(self.pieces.is_empty(), "a rejected tile has a kept pixel");
     }
@@ -187,10 +202,12 @@ impl<'a> Stamps<'a> {
 
     /// Columns and rows of one of its stamps.
     pub fn area(&self, stamp: u32) -> [Range<usize>; 2] {
-        let across = u32::from(self.sides[0][1] - self.sides[0][0]) / self.lanes[0] + 1;
+        let (first_stamp, sides) = self.run_of(stamp);
+        let across = u32::from(sides[0][1] - sides[0][0]) / self.lanes[0] + 1;
+        let stamp = stamp - first_stamp;
         let at = [stamp % across, stamp / across];
         [0, 1].map(|axis| {
-            let [first, last] = self.sides[axis].map(usize::from);
+            let [first, last] = sides[axis].map(usize::from);
             let from = first + (at[axis] * self.lanes[axis]) as usize;
             from..(from + self.lanes[axis] as usize).min(last + 1)
         })

@@ -1,5 +1,6 @@
 //! Bin: decides for each tile of a splat's box whether the splat gets an entry in the tile's list,
-//! on a machine whose `bin.test` is not `box`.
+//! on a machine whose `bin.test` is not `box`. The same test decides for each subtile whether its bit
+//! is set in the mask of an entry.
 //!
 //! ```text
 //! once per splat
@@ -46,13 +47,15 @@
 //!
 //! Losses: the nearest side of a slab is truncated; threshold, limits and bounds are rounded up.
 //!
-//! Laws: `no_test_of_tiles_loses_a_pixel`, `an_ellipse_never_has_more_entries_than_its_boxes`.
+//! Laws: `no_test_of_tiles_or_subtiles_loses_a_pixel`,
+//! `an_ellipse_never_has_more_entries_than_its_boxes`.
 
 use crate::elaboration::latency::Path;
+use crate::elaboration::masks::Masks;
 use crate::elaboration::microarchitecture::BinWords;
-use crate::elaboration::{Elaboration, Operator};
+use crate::elaboration::{Elaboration, Operator, Part};
 use crate::graph::{Builder, Graph, Wire};
-use crate::machine::{BinTest, Machine};
+use crate::machine::{BinTest, Machine, MaskMaker};
 use crate::num::{Exact, Format, Rounding, Word, two};
 use crate::records::unit;
 
@@ -106,8 +109,9 @@ impl BinWords {
         })
     }
 
-    /// Refuses words that the test cannot use, and declares its parts.
-    pub fn declare(&self, e: &mut Elaboration) {
+    /// Refuses words that the test cannot use, and declares the parts of the tests of tiles, and of
+    /// those of subtiles.
+    pub fn declare(&self, masks: Option<Masks>, engines: u32, e: &mut Elaboration) {
         for (name, word) in [
             ("raster.offset", self.offset),
             ("raster.gradient", self.gradient),
@@ -136,23 +140,49 @@ impl BinWords {
         if !e.errors.is_empty() {
             return;
         }
+        let in_bin = masks.filter(|masks| masks.made == MaskMaker::Bin);
+        self.declare_tests(UNIT, 1, in_bin, e);
+        if let Some(in_list) = masks.filter(|masks| masks.made == MaskMaker::List) {
+            self.declare_tests(unit::LIST, engines, Some(in_list), e);
+        }
+    }
+
+    /// Parts of the tests in a unit: of tiles, or of the subtiles of masks.
+    fn declare_tests(
+        &self,
+        unit: &'static str,
+        units: u32,
+        masks: Option<Masks>,
+        e: &mut Elaboration,
+    ) {
         // No probe observes its words, so they are no signals.
         let own = &mut Elaboration::default();
         self.splat_in(own);
-        self.tile_in(own);
-        e.errors.append(&mut own.errors);
-        e.parts.append(&mut own.parts);
         // The splat that is tested: conic, results of its graph, box.
         let held = self.splat_bits() + self.tile_bits();
-        e.part(UNIT, Operator::Register(held));
-        e.part(UNIT, Operator::Hold(held));
-        // Tiles are counted; the tile's far side, and the part of the box in it.
-        e.copies(2, |e| {
-            e.part(UNIT, Operator::Register(PIXEL_BITS));
-            e.choice(UNIT, 2, PIXEL_BITS);
-            e.adders(UNIT, 4, PIXEL_BITS);
-            e.copies(2, |e| e.limit(UNIT, PIXEL_BITS));
+        own.part(UNIT, Operator::Register(held));
+        own.part(UNIT, Operator::Hold(held));
+        own.copies(masks.map_or(1, |masks| masks.tests), |own| {
+            self.tile_in(own);
+            // Tiles are counted; the tile's far side, and the part of the box in it.
+            own.copies(2, |own| {
+                own.part(UNIT, Operator::Register(PIXEL_BITS));
+                own.choice(UNIT, 2, PIXEL_BITS);
+                own.adders(UNIT, 4, PIXEL_BITS);
+                own.copies(2, |own| own.limit(UNIT, PIXEL_BITS));
+            });
         });
+        // The mask, and the bits that are set in a cycle.
+        if let Some(masks) = masks {
+            own.part(UNIT, Operator::Register(masks.bits as i32));
+            own.choice(UNIT, 2, masks.bits as i32);
+        }
+        e.errors.append(&mut own.errors);
+        e.parts.extend(own.parts.drain(..).map(|part| Part {
+            unit,
+            copies: part.copies * units,
+            ..part
+        }));
     }
 
     fn conic_bits(&self) -> i32 {

@@ -25,6 +25,7 @@
 //! `a_radial_index_below_zero_is_zero`.
 
 use crate::elaboration::latency::Path;
+use crate::elaboration::masks::Masks;
 use crate::elaboration::{Elaboration, Operator};
 use crate::kernels::ONES;
 use crate::machine::timing::Organisation;
@@ -298,8 +299,16 @@ pub fn stamp(machine: &Machine) -> Path {
         .limit(PIXEL_BITS)
         .sum(PIXEL_BITS)
         .choose(2);
+    // The next run of a mask is found while the current one is walked: the first bit, its row, the
+    // end of the run there.
+    let runs = Masks::of(machine).map_or(Path::default(), |masks| {
+        Path::default()
+            .compare(masks.bits as i32)
+            .choose(masks.across())
+            .compare(masks.across() as i32)
+    });
     if cuts_boxes(machine) {
-        registers.parallel(sides)
+        registers.parallel(sides).parallel(runs)
     } else {
         registers
     }
@@ -468,6 +477,9 @@ impl Raster {
         if cuts_boxes(machine) {
             Raster::goes_on(e, machine, directions);
         }
+        if let Some(masks) = Masks::of(machine) {
+            Raster::finds_runs(e, &masks);
+        }
         let camera = f(machine.project.depth);
         let finest = f(m.depth).max(camera).max(f(s.depth_range));
         let clamp = [
@@ -561,6 +573,28 @@ impl Raster {
             // The first difference by column; by row too where rows are stepped.
             e.copies(directions, |e| gets(e, m.first, m.second, PIXEL_BITS));
             gets(e, m.depth, slope, PIXEL_BITS);
+        });
+    }
+
+    /// Parts that find the next run of set bits in the mask of an entry, so that the seed moves to
+    /// it instead of to the tile.
+    fn finds_runs(e: &mut Elaboration, masks: &Masks) {
+        let [bits, across] = [masks.bits, masks.across()].map(|bits| bits as i32);
+        e.part(UNIT, Operator::Register(bits));
+        e.choice(UNIT, 2, bits);
+        // The first bit that is left, its row, and the end of its run there: carries.
+        e.adders(UNIT, 1, bits);
+        e.choice(UNIT, masks.across(), across);
+        e.adders(UNIT, 1, across);
+        // Columns of the run before, and whether they are the same.
+        e.part(UNIT, Operator::Register(across));
+        e.adders(UNIT, 1, across);
+        // For columns and for rows, both sides of the run in the picture: inside of the box, and
+        // selected instead of those of the tile.
+        e.copies(4, |e| {
+            e.adders(UNIT, 1, PIXEL_BITS);
+            e.limit(UNIT, PIXEL_BITS);
+            e.choice(UNIT, 2, PIXEL_BITS);
         });
     }
 

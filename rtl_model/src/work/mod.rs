@@ -698,6 +698,11 @@ impl Bins {
         self.entries.truncate(kept);
     }
 
+    /// Number of entries in the tiles before a tile.
+    pub fn first(&self, tile: usize) -> usize {
+        self.starts[tile]
+    }
+
     /// The numbers of the boxes that touch a tile.
     pub fn of(&self, tile: usize) -> &[u32] {
         &self.entries[self.starts[tile]..self.starts[tile + 1]]

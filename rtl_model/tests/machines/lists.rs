@@ -13,7 +13,10 @@ use std::collections::BTreeSet;
 const TESTS: [BinTest; 3] = [BinTest::Box, BinTest::OrientedBox, BinTest::Ellipse];
 
 fn with_test(machine: &Machine, test: BinTest) -> Machine {
-    let bin = Some(Bin { test });
+    let bin = Some(Bin {
+        test,
+        ..Bin::default()
+    });
     Machine {
         bin,
         ..machine.clone()

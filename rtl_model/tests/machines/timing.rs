@@ -595,7 +595,10 @@ static WORKS: LazyLock<[(Machine, Work); 7]> = LazyLock::new(|| {
         .map(|(name, kind)| {
             let mut machine = Machine::named(name).unwrap();
             let test = BinTest::Ellipse;
-            machine.bin = (kind == Some(SortKind::Radix)).then_some(Bin { test });
+            machine.bin = (kind == Some(SortKind::Radix)).then_some(Bin {
+                test,
+                ..Bin::default()
+            });
             let kind = kind.filter(|kind| *kind != SortKind::Radix);
             if let (Some(kind), Some(sort)) = (kind, &mut machine.sort) {
                 sort.kind = kind;

@@ -9,7 +9,9 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::{Organisation, Timing};
 use rtl_model::pipeline::draw_measured;
-use rtl_model::timing::{Account, Cycles, Detail, Share, TileCycles, UnitCycles, replay};
+use rtl_model::timing::{
+    Account, Cycles, Detail, MaskCounts, Share, TileCycles, UnitCycles, replay,
+};
 use rtl_model::work::Work;
 use std::collections::BTreeMap;
 
@@ -381,6 +383,11 @@ pub fn of(organisation: Organisation, rng: &mut Rng) -> Timing {
         [16, 16, 32, 48][rng.below(4) as usize],
         1 + rng.below(2) as u32,
     );
+    // Separate random numbers, so that the rest does not change.
+    let rng_of_tiles = &mut Rng(rng.0 ^ 0x51de);
+    if rng_of_tiles.below(3) == 0 {
+        timing.tile.side_px = 4 * (1 + rng_of_tiles.below(12) as u32);
+    }
     timing
 }
 
@@ -676,7 +683,24 @@ fn sorters_tick_as_they_are_replayed() {
 /// Tests of tiles, with lists of all kinds: many tiles are rejected, and some splats have no entry.
 #[test]
 fn tests_of_tiles_tick_as_they_are_replayed() {
+    compare_tests(false);
+}
+
+/// Masks, with lists of all kinds: seeds and rejected tiles, made in `bin` and in `list`.
+#[test]
+fn masks_tick_as_they_are_replayed() {
+    let masks = compare_tests(true);
+    let counts = [masks.tested, masks.set, masks.list_cycles, masks.seeds];
+    assert!(
+        counts.iter().all(|count| *count > share_of(3000)) && masks.set < masks.tested,
+        "{masks:?}"
+    );
+}
+
+/// Compares machines that test tiles; returns the counts of their masks.
+fn compare_tests(with_masks: bool) -> MaskCounts {
     let (mut events, mut unlisted, mut tiles) = (EventCounts::default(), 0, 0);
+    let mut counts = [0; 4];
     for (size, splats, cases) in [([60, 50], 40, 200), ([120, 100], 400, 60)] {
         for seed in seeds(cases) {
             let mut rng = Rng(seed);
@@ -697,7 +721,11 @@ fn tests_of_tiles_tick_as_they_are_replayed() {
                     (scene.sorted(&mut rng), machine)
                 }
             };
-            let machine = machines::with_test(&mut rng, machine);
+            let machine = if with_masks {
+                machines::with_masks(&mut rng, machine)
+            } else {
+                machines::with_test(&mut rng, machine)
+            };
             let elaborated = machine.elaborate().unwrap().timing;
             let (scene, words, cutoff) = scene.tested(&mut rng, &elaborated);
             let scene = if seed % 3 == 1 {
@@ -709,6 +737,17 @@ fn tests_of_tiles_tick_as_they_are_replayed() {
             (work.tested, work.cutoff) = (words, cutoff);
             unlisted += scene.unlisted.len() as u64;
             tiles += rtl_model::timing::Lists::new(&elaborated, &work).entries() as u64;
+            let tests = replay(&elaborated, &work, Detail::Total)
+                .tile_tests
+                .unwrap();
+            assert_eq!(tests.masks.is_some(), with_masks);
+            if let Some(masks) = tests.masks {
+                let own = [masks.tested, masks.set, masks.list_cycles, masks.seeds];
+                counts
+                    .iter_mut()
+                    .zip(own)
+                    .for_each(|(all, own)| *all += own);
+            }
             match compare(&elaborated, &scene, &work) {
                 Ok(ticked) => events.count(&ticked),
                 Err(difference) => panic!(
@@ -723,6 +762,13 @@ fn tests_of_tiles_tick_as_they_are_replayed() {
         "{unlisted} tiles are rejected, {tiles} are not"
     );
     assert!(events.0["bin busy"] > share_of(10_000), "{:?}", events.0);
+    let [tested, set, list_cycles, seeds] = counts;
+    MaskCounts {
+        tested,
+        set,
+        list_cycles,
+        seeds,
+    }
 }
 
 #[test]

@@ -16,6 +16,13 @@
 //! Fragments stall until a buffer is free. A tile is resolved when the last of its stamps is
 //! written or skipped; a stopped tile when none of its stamps is in flight.
 //!
+//! If entries have masks, raster goes through the set subtiles of an entry in rectangles: as many
+//! adjacent ones of a row as are set, together with the rectangle before if that has the same columns
+//! and ends directly above. Each rectangle except the first takes a cycle more, for its seed. An
+//! entry without a set subtile takes raster a cycle. `bin` or `list` tests the subtiles that the box
+//! touches, some of them in each cycle. `list` tests an entry when its record has arrived and the
+//! entry before is tested; raster sees the entry when its mask is ready.
+//!
 //! Raster skips a stopped pixel from the cycle on in which the stamp that stopped it is written.
 //! When all pixels of a tile have stopped, list skips the rest of the tile in no time, and raster
 //! drops the entries that have arrived, one per cycle. Raster skips stamps of which every pixel has
@@ -23,19 +30,118 @@
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
 use super::parts::{
-    Act, Fill, HELD, Link, Merge, SetupUnits, TexelShade, Ticked, TickedUnit, light, places,
+    Act, Fill, HELD, Link, Merge, SetupUnits, Stamp, TexelShade, Ticked, TickedUnit, light, places,
     resolve, resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
 };
-use super::scene::Scene;
+use super::scene::{Scene, Splat};
 use super::sorters::{self, Sorters};
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
+use rtl_model::machine::MaskMaker;
 use rtl_model::machine::timing::Queue;
 use rtl_model::timing::{Direction, Requester};
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 
-/// Bytes of a list's entry.
-const ENTRY_BYTES: u64 = 4;
+/// Bytes of a list's entry: a number, and the mask if `bin` makes it.
+fn entry_bytes(timing: &Microarchitecture) -> u64 {
+    let masks = timing.bin.and_then(|bin| bin.masks);
+    let masks = masks.filter(|masks| masks.made == MaskMaker::Bin);
+    let subtiles = masks.map_or(0, |masks| {
+        (timing.timing.tile.side_px / masks.subtile_px).pow(2)
+    });
+    4 + u64::from(subtiles).div_ceil(8)
+}
+
+/// Columns and rows, first and last.
+type Rectangle = [[usize; 2]; 2];
+
+/// The part of a splat's box in a tile.
+fn part_in(timing: &Microarchitecture, splat: &Splat, corner: [usize; 2]) -> Rectangle {
+    let side = timing.timing.tile.side_px as usize;
+    [splat.columns, splat.rows]
+        .into_iter()
+        .zip(corner)
+        .map(|([first, last], corner)| {
+            [
+                usize::from(first).max(corner),
+                usize::from(last).min(corner + side - 1),
+            ]
+        })
+        .collect::<Vec<_>>()
+        .try_into()
+        .expect("two sides")
+}
+
+/// Cycles of the tests of a splat in a tile, if masks are made there.
+fn mask_cycles(
+    timing: &Microarchitecture,
+    made: MaskMaker,
+    splat: &Splat,
+    corner: [usize; 2],
+) -> Option<u64> {
+    let masks = timing.bin?.masks.filter(|masks| masks.made == made)?;
+    let subtile = masks.subtile_px as usize;
+    let [columns, rows] = part_in(timing, splat, corner);
+    let touched: BTreeSet<[usize; 2]> = (columns[0]..=columns[1])
+        .flat_map(|x| (rows[0]..=rows[1]).map(move |y| [x, y]))
+        .map(|[x, y]| [(x - corner[0]) / subtile, (y - corner[1]) / subtile])
+        .collect();
+    Some(touched.len().div_ceil(masks.tests as usize) as u64)
+}
+
+/// Stamps of a splat in a tile, with the seeds of rectangles between them.
+fn stamps_in(
+    timing: &Microarchitecture,
+    scene: &Scene,
+    place: usize,
+    (tile, corner): (usize, [usize; 2]),
+) -> VecDeque<Stamp> {
+    let side = timing.timing.tile.side_px as usize;
+    let Some(masks) = timing.bin.and_then(|bin| bin.masks) else {
+        let last = corner.map(|at| at + side - 1);
+        return stamps_of(timing, scene, place, [corner, last]);
+    };
+    let subtile = masks.subtile_px as usize;
+    let mask = scene.masks[&(place, tile)];
+    let is_set = |x: usize, y: usize| {
+        let [x, y] = [(x - corner[0]) / subtile, (y - corner[1]) / subtile];
+        mask >> (y * (side / subtile) + x) & 1 == 1
+    };
+    let [columns, rows] = part_in(timing, &scene.splats[place], corner);
+    // Columns of the rectangles that have a row, and rows with the same ones.
+    let mut rectangles: Vec<Rectangle> = Vec::new();
+    let mut y = rows[0];
+    while y <= rows[1] {
+        let below = (corner[1] + ((y - corner[1]) / subtile + 1) * subtile).min(rows[1] + 1);
+        let set: Vec<usize> = (columns[0]..=columns[1])
+            .filter(|x| is_set(*x, y))
+            .collect();
+        for columns in set.chunk_by(|one, next| one + 1 == *next) {
+            let columns = [columns[0], *columns.last().expect("a column")];
+            match rectangles.last_mut() {
+                Some([above, [_, end]]) if *above == columns && *end + 1 == y => *end = below - 1,
+                _ => rectangles.push([columns, [y, below - 1]]),
+            }
+        }
+        y = below;
+    }
+    let width = scene.width as usize;
+    let mut all = VecDeque::new();
+    for (nth, [columns, rows]) in rectangles.into_iter().enumerate() {
+        if nth > 0 {
+            all.push_back(Stamp {
+                is_seed: true,
+                tested: (rows[0]..=rows[1])
+                    .flat_map(|y| (columns[0]..=columns[1]).map(move |x| y * width + x))
+                    .collect(),
+                ..Stamp::default()
+            });
+        }
+        let corners = [0, 1].map(|end| [columns[end], rows[end]]);
+        all.extend(stamps_of(timing, scene, place, corners));
+    }
+    all
+}
 /// Bytes sorted at a time, and the two halves of memory between which they move.
 const PART_BYTES: u64 = 4096;
 const HALVES: [u64; 2] = [1 << 60, (1 << 60) + (1 << 40)];
@@ -143,6 +249,11 @@ struct Engine {
     waiting: VecDeque<(Done, usize)>,
     records: BTreeMap<usize, Done>,
     listed: Link<usize>,
+    /// Entries whose mask list has not made, with the cycles in which they arrive; when it can test
+    /// the next; and when each mask is ready.
+    unmasked: VecDeque<(u64, usize)>,
+    tests_from: u64,
+    masked: BTreeMap<usize, u64>,
     fill: Fill,
     merge: Merge,
     resolve: Vec<TickedUnit>,
@@ -173,6 +284,9 @@ impl Engine {
                 interval: 1,
                 fifo: t.fetch.fifo,
             })),
+            unmasked: VecDeque::new(),
+            tests_from: 0,
+            masked: BTreeMap::new(),
             fill: Fill::new(timing).leaving_out((scene.width * scene.height) as usize),
             merge: Merge::new(timing, scene),
             resolve: TickedUnit::each("resolve", timing.resolve.units),
@@ -250,12 +364,7 @@ impl<'a> BinnedMachine<'a> {
                 if scene.unlisted.contains(&(place, tile)) {
                     continue;
                 }
-                let stamps = stamps_of(
-                    timing,
-                    scene,
-                    place,
-                    [corner, corner.map(|at| at + side - 1)],
-                );
+                let stamps = stamps_in(timing, scene, place, (tile, corner));
                 let stamps = stamps
                     .iter()
                     .filter(|stamp| !stamp.pixels.is_empty())
@@ -313,8 +422,14 @@ impl<'a> BinnedMachine<'a> {
         };
         let lists = tiles.iter().map(listed).collect();
         let sorters = timing.sort.filter(|_| !scene.order.is_empty());
-        let sorters =
-            sorters.and_then(|shape| Sorters::new(shape, t.memory.burst_bytes.into(), lists));
+        let sorters = sorters.and_then(|shape| {
+            Sorters::new(
+                shape,
+                t.memory.burst_bytes.into(),
+                entry_bytes(timing),
+                lists,
+            )
+        });
         BinnedMachine {
             sorters,
             timing,
@@ -383,7 +498,11 @@ impl<'a> BinnedMachine<'a> {
             .for_each(|full| self.write(self.now + behind, RECORDS, full * burst));
         let mut when = self.now;
         for tile in self.touched[splat].clone() {
-            when += 1;
+            let side = self.timing.timing.tile.side_px as usize;
+            let across = (self.scene.width as usize).div_ceil(side);
+            let corner = [tile % across * side, tile / across * side];
+            let of_splat = &self.scene.splats[splat];
+            when += mask_cycles(self.timing, MaskMaker::Bin, of_splat, corner).unwrap_or(1);
             if self.scene.unlisted.contains(&(splat, tile)) {
                 continue;
             }
@@ -391,7 +510,7 @@ impl<'a> BinnedMachine<'a> {
             self.list_bytes[tile] += if self.sorters.is_some() {
                 self.shape().entry_bytes.into()
             } else {
-                ENTRY_BYTES
+                entry_bytes(self.timing)
             };
             if self.list_bytes[tile] / burst > before {
                 self.write(
@@ -606,9 +725,12 @@ impl<'a> BinnedMachine<'a> {
             return Act::Block;
         }
         let Entry { nth, tile, .. } = self.entries[number];
-        if (nth * ENTRY_BYTES).is_multiple_of(burst_bytes) {
+        let end = (nth + 1) * entry_bytes(self.timing);
+        // The burst with its last byte, unless the entry before ends there too.
+        let burst_of = |end: u64| end.div_ceil(burst_bytes);
+        if burst_of(end) > burst_of(end - entry_bytes(self.timing)) {
             engine.burst = engine.reads.next();
-            let from = LISTS + tile * LIST_BYTES + nth * ENTRY_BYTES;
+            let from = LISTS + tile * LIST_BYTES + (burst_of(end) - 1) * burst_bytes;
             self.memory.request(
                 self.now,
                 Requester::Lists,
@@ -621,6 +743,7 @@ impl<'a> BinnedMachine<'a> {
         let record = engine.reads.next();
         engine.records.insert(number, record);
         engine.listed.push(self.now + 1, number);
+        engine.unmasked.push_back((self.now + 1, number));
         engine.next.start += 1;
         Act::Take(1)
     }
@@ -664,10 +787,42 @@ impl<'a> BinnedMachine<'a> {
         });
     }
 
+    /// Begins the mask of the next entry, if its record has arrived and list makes masks.
+    fn make_mask(&mut self, e: usize) {
+        let latency = self.timing.bin.and_then(|bin| bin.mask_latency);
+        let now = self.now;
+        let engine = &mut self.engines[e];
+        let Some(&(here, number)) = engine.unmasked.front() else {
+            return;
+        };
+        let Entry { splat, corner, .. } = self.entries[number];
+        let splat = &self.scene.splats[splat];
+        let Some(cycles) = mask_cycles(self.timing, MaskMaker::List, splat, corner) else {
+            engine.masked.insert(number, 0);
+            engine.unmasked.pop_front();
+            return;
+        };
+        if here <= now && engine.tests_from <= now && engine.records[&number].is_done(now) {
+            engine.unmasked.pop_front();
+            engine.tests_from = now + cycles;
+            let latency = u64::from(latency.expect("a latency"));
+            engine.masked.insert(number, now + cycles - 1 + latency);
+        }
+    }
+
     fn raster(&mut self, e: usize) -> Act {
         self.pass_over(e);
+        let now = self.now;
+        let is_masked = move |engine: &Engine, number: usize| {
+            engine
+                .masked
+                .get(&number)
+                .is_some_and(|ready| *ready <= now)
+        };
+        let front = self.engines[e].listed.front(now).copied();
+        let front = front.filter(|number| is_masked(&self.engines[e], *number));
         if !self.engines[e].fill.begun
-            && let Some(&number) = self.engines[e].listed.front(self.now)
+            && let Some(number) = front
         {
             self.engines[e].looked_at = number;
             let Entry { drawn, stamps, .. } = self.entries[number];
@@ -685,20 +840,24 @@ impl<'a> BinnedMachine<'a> {
             records,
             ..
         } = &mut self.engines[e];
-        let act = fill.raster(self.now, listed, |number| {
+        let mut act = fill.raster(self.now, listed, |number| {
             let Entry {
                 splat,
                 corner,
                 drawn,
+                tile,
                 ..
             } = self.entries[*number];
-            let last = corner.map(|at| at + self.timing.timing.tile.side_px as usize - 1);
-            records[number].is_done(self.now).then(|| {
-                let mut stamps = stamps_of(self.timing, self.scene, splat, [corner, last]);
+            (front.is_some() && records[number].is_done(self.now)).then(|| {
+                let tile = (tile as usize, corner);
+                let mut stamps = stamps_in(self.timing, self.scene, splat, tile);
                 stamps.iter_mut().for_each(|stamp| stamp.tile = drawn);
                 stamps
             })
         });
+        if act == Act::StallOnMemory && front.is_none() {
+            act = Act::Starve;
+        }
         self.count_stamps(e);
         act
     }
@@ -932,6 +1091,7 @@ impl<'a> BinnedMachine<'a> {
         }
         for e in 0..self.engines.len() {
             self.read_records(e);
+            self.make_mask(e);
             turn(
                 self,
                 now,

@@ -24,6 +24,7 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
         order: Vec::new(),
         keys: Vec::new(),
         unlisted: Default::default(),
+        masks: Default::default(),
         mirrored: None,
     }
 }
@@ -367,6 +368,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         order: Vec::new(),
         keys: Vec::new(),
         unlisted: Default::default(),
+        masks: Default::default(),
         mirrored: None,
     };
     let total = |outstanding: u32| {

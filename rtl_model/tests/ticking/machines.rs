@@ -9,7 +9,7 @@ use rtl_model::machine::timing::{
     Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster,
     Resolve, Setup, Shade, Sorter, Stage, Technology, Timing,
 };
-use rtl_model::machine::{Bin, BinTest, SortKind};
+use rtl_model::machine::{Bin, BinTest, MaskMaker, SortKind};
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
 pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
@@ -101,7 +101,24 @@ pub fn testing_tiles(rng: &mut Rng, timing: Timing) -> Machine {
 /// The machine with a test of tiles.
 pub fn with_test(rng: &mut Rng, mut machine: Machine) -> Machine {
     let test = [BinTest::OrientedBox, BinTest::Ellipse][rng.below(2) as usize];
-    machine.bin = Some(Bin { test });
+    machine.bin = Some(Bin {
+        test,
+        ..Bin::default()
+    });
+    machine
+}
+
+/// A machine with a test of tiles, and with masks in tiles of any size.
+pub fn with_masks(rng: &mut Rng, machine: Machine) -> Machine {
+    let mut machine = with_test(rng, machine);
+    let subtile_px = 4 << rng.below(3) as u32;
+    let across = 1 + rng.below([8, 6, 3][subtile_px as usize / 8]) as u32;
+    machine.timing.tile.side_px = across * subtile_px;
+    machine.timing.memory.burst_bytes = machine.timing.memory.burst_bytes.max(16);
+    let bin = machine.bin.as_mut().unwrap();
+    bin.subtile_px = Some(subtile_px);
+    bin.masks = [None, Some(MaskMaker::Bin), Some(MaskMaker::List)][rng.below(3) as usize];
+    bin.mask_tests = (rng.below(3) > 0).then(|| 1 + rng.below(10) as u32);
     machine
 }
 

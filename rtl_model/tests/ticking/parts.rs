@@ -219,6 +219,8 @@ pub struct Stamp {
     pub number: usize,
     /// Number of its tile among a binned machine's tiles with entries.
     pub tile: usize,
+    /// It is no stamp, but the seed of the stamps behind it, which test the same pixels.
+    pub is_seed: bool,
 }
 
 /// The stamps of a splat's part from one pixel to another.
@@ -694,8 +696,9 @@ pub struct Fill {
     pub begun: bool,
     /// First cycle in which each pixel is skipped; empty where pixels never stop.
     pub stopped: Vec<u64>,
-    /// Footprints without a remaining stamp.
+    /// Footprints without a remaining stamp, and seeds.
     pub dropped: u64,
+    pub seeds: u64,
     /// Number of stamps so far that go on to the fragment unit.
     numbered: usize,
     /// Stamps with a weight since the last reset: those that kept a pixel, and those that did not.
@@ -714,6 +717,7 @@ impl Fill {
             begun: false,
             stopped: Vec::new(),
             dropped: 0,
+            seeds: 0,
             numbered: 0,
             decided: [0; 2],
             stamps: Link::new(places(timing.raster)),
@@ -766,6 +770,14 @@ impl Fill {
             // Every stamp has stopped.
             from.pop();
             self.dropped += 1;
+            return Act::Take(1);
+        }
+        if self.left[0].is_seed {
+            if !std::mem::replace(&mut self.begun, true) {
+                from.pop();
+            }
+            self.left.pop_front();
+            self.seeds += 1;
             return Act::Take(1);
         }
         let is_left = |pixel: &usize| self.stopped.get(*pixel).is_none_or(|from| *from > now);
@@ -829,7 +841,7 @@ impl Fill {
     /// Stamps that the raster took, and those that kept a pixel.
     pub fn taken(&self) -> [u64; 2] {
         [
-            self.raster.log.len() as u64 - self.dropped,
+            self.raster.log.len() as u64 - self.dropped - self.seeds,
             self.gauss.log.len() as u64,
         ]
     }

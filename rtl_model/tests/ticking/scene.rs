@@ -5,7 +5,7 @@ use super::frames::{Rng, in_tile};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::Lists;
 use rtl_model::work::{CULLED, CullReason, Event, Recorder, TILE_PX, TestedWords, Work};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A splat, with the event of every pixel of its box, row by row; `None` for pixels that it does
 /// not cover.
@@ -74,6 +74,8 @@ pub struct Scene {
     pub keys: Vec<u32>,
     /// Places of splats, and tiles of their boxes in whose lists they have no entry.
     pub unlisted: BTreeSet<(usize, usize)>,
+    /// Masks of entries, by place of the splat and tile: a bit per subtile, by rows.
+    pub masks: BTreeMap<(usize, usize), u64>,
     /// Texels per side of the map of reflected surroundings.
     pub mirrored: Option<usize>,
 }
@@ -170,6 +172,7 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
         order: Vec::new(),
         keys: Vec::new(),
         unlisted: BTreeSet::new(),
+        masks: BTreeMap::new(),
         mirrored: None,
     };
     scene.clear_untouched();
@@ -312,7 +315,8 @@ impl Scene {
     }
 
     /// The scene on a machine that tests tiles, with an ellipse in each box: tiles that the machine
-    /// rejects have no pixel of the splat, and no entry. Returns the words of the ellipses and the
+    /// rejects have no pixel of the splat, and no entry; subtiles whose bit is not set have none
+    /// either. Returns the words of the ellipses and the
     /// cutoff, for the record.
     pub fn tested(
         mut self,
@@ -356,22 +360,36 @@ impl Scene {
             Lists::new(&timing, &work)
         });
         let side = timing.timing.tile.side_px as usize;
+        let masks = timing.bin.and_then(|bin| bin.masks);
+        let subtile = masks.map_or(side, |masks| masks.subtile_px as usize);
         for tile in 0..boxes.tiles() {
             for nth in boxes.of(tile) {
-                if lists.of(tile).contains(nth) {
-                    continue;
-                }
                 let place = drawn[*nth as usize];
-                self.unlisted.insert((place, tile));
+                let entry = lists.of(tile).iter().position(|other| other == nth);
+                let mask = match entry {
+                    Some(_) if masks.is_none() => continue,
+                    Some(entry) => {
+                        let mask = lists.mask(tile, entry);
+                        self.masks.insert((place, tile), mask);
+                        mask
+                    }
+                    None => {
+                        self.unlisted.insert((place, tile));
+                        0
+                    }
+                };
                 let splat = &mut self.splats[place];
                 let [columns, _] = splat.size();
                 for (pixel, event) in splat.pixels.iter_mut().enumerate() {
                     let at = [
                         usize::from(splat.columns[0]) + pixel % columns,
                         usize::from(splat.rows[0]) + pixel / columns,
-                    ]
-                    .map(|at| at / side);
-                    if at == [tile % boxes.columns, tile / boxes.columns] {
+                    ];
+                    let [x, y] = at.map(|at| at % side / subtile);
+                    let is_set = mask >> (y * (side / subtile) + x) & 1 == 1;
+                    if at.map(|at| at / side) == [tile % boxes.columns, tile / boxes.columns]
+                        && !is_set
+                    {
                         *event = None;
                     }
                 }
@@ -622,6 +640,7 @@ impl Scene {
             order,
             keys,
             unlisted: BTreeSet::new(),
+            masks: BTreeMap::new(),
             mirrored: None,
         }
     }

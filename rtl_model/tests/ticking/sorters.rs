@@ -88,6 +88,8 @@ pub struct Sorters {
     shape: SortShape,
     sorter: SorterShape,
     burst: u64,
+    /// Bytes of an entry without its key.
+    stored_bytes: u64,
     sorters: Vec<Sorter>,
     pub units: Vec<TickedUnit>,
     lists: VecDeque<(u64, Vec<u32>)>,
@@ -95,7 +97,12 @@ pub struct Sorters {
 }
 
 impl Sorters {
-    pub fn new(shape: SortShape, burst: u64, lists: Vec<(u64, Vec<u32>)>) -> Option<Self> {
+    pub fn new(
+        shape: SortShape,
+        burst: u64,
+        stored_bytes: u64,
+        lists: Vec<(u64, Vec<u32>)>,
+    ) -> Option<Self> {
         let sorter = shape.sorter?;
         let one = || Sorter {
             pieces: VecDeque::new(),
@@ -108,6 +115,7 @@ impl Sorters {
             shape,
             sorter,
             burst,
+            stored_bytes,
             sorters: (0..sorter.units).map(|_| one()).collect(),
             units: TickedUnit::each("sort", sorter.units),
             lists: lists.into(),
@@ -308,7 +316,7 @@ impl Sorters {
             }
             let last = if merging > 0 { *size as u64 } else { cycles };
             let stores = if rounds == 0 {
-                numbers.push(4 * *size as u64);
+                numbers.push(self.stored_bytes * *size as u64);
                 numbers.take(is_last && is_end)
             } else {
                 chunks.push(*size as u64 * self.entry());
@@ -333,7 +341,7 @@ impl Sorters {
                 let some = (limit / 2).min(entries - first);
                 let is_last = first + some == entries;
                 let stores = if round + 1 == rounds {
-                    numbers.push(4 * some as u64);
+                    numbers.push(self.stored_bytes * some as u64);
                     numbers.take(is_last && is_end)
                 } else {
                     merged.push(some as u64 * self.entry());

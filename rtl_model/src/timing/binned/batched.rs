@@ -14,7 +14,7 @@
 
 use super::super::account::{Account, Detail, Unit};
 use super::super::stages::{FinalPixels, light, merges_of};
-use super::super::stamps::{Piece, Stamps};
+use super::super::stamps::{Piece, Stamps, cuts};
 use super::{Engine, Listed, Lists, SecondPass, TileState};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
@@ -43,7 +43,7 @@ fn are_alike(one: &Microarchitecture, other: &Microarchitecture) -> bool {
 
 /// Whether a machine can be batched, for a frame without reflections and stops.
 fn can_be_batched(timing: &Microarchitecture) -> bool {
-    timing.timing.organisation == Organisation::Binned && timing.is_single()
+    timing.timing.organisation == Organisation::Binned && timing.is_single() && !cuts(timing)
 }
 
 /// Smaller batches are not faster than single replays.

@@ -1,8 +1,9 @@
 //! Lists: which tiles have an entry of which splat: all tiles of its box, or those that the unit
-//! `bin` does not reject.
+//! `bin` does not reject. The masks of entries come from the same test.
 //!
 //! ```text
-//! boxes ─► tiles of each box ─►[ test ]─► lists
+//! boxes ─► tiles of each box ─┬─►[ test ]────────────────────► lists
+//!            │                └─► subtiles ─►[ test ]─► masks ──┘ entries without a set bit: none if `bin` makes masks
 //!            └──────────────────► order of the record, which has every tile of every box
 //! ```
 //! The record of a frame does not depend on the test: a rejected tile has no pixel of the splat.
@@ -10,11 +11,13 @@
 //! tiles, which is a field of timing. Therefore this file runs the graph of the unit, on recorded
 //! words; the rest of timing computes no values.
 //!
-//! Law: `no_test_of_tiles_loses_a_pixel`.
+//! Law: `no_test_of_tiles_or_subtiles_loses_a_pixel`.
 
+use crate::elaboration::masks::Masks;
 use crate::elaboration::microarchitecture::{BinShape, Microarchitecture};
 use crate::graph::{BATCH, Batch, Program, Run};
 use crate::kernels::host::vectorised;
+use crate::machine::MaskMaker;
 use crate::num::LANES;
 use crate::probe::NoProbe;
 use crate::timing::stamps::Stamps;
@@ -33,12 +36,26 @@ struct Tested {
     boxes: Bins,
     side_px: usize,
     results: Results,
+    masks: Option<EntryMasks>,
 }
 
 /// By splat, and by rows of the tiles of its box: whether it is listed.
 struct Results {
     starts: Vec<usize>,
     listed: Vec<bool>,
+    /// The mask of each tile, if there are masks.
+    masks: Vec<u64>,
+    /// Number of tests.
+    tests: usize,
+}
+
+/// Masks of the entries of all lists, in the order of the lists.
+struct EntryMasks {
+    shape: Masks,
+    masks: Vec<u64>,
+    /// Subtiles that `bin` tests, and bits that are set in the entries of all lists.
+    tested: u64,
+    set: u64,
 }
 
 impl Deref for Lists {
@@ -56,6 +73,21 @@ pub struct TileTests {
     pub tiles: u64,
     /// Entries of all lists.
     pub entries: u64,
+    /// On a machine with masks.
+    pub masks: Option<MaskCounts>,
+}
+
+/// Counts of the masks of entries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MaskCounts {
+    /// Subtiles that were tested.
+    pub tested: u64,
+    /// Bits that are set in the entries of all lists.
+    pub set: u64,
+    /// Cycles of tests in `list`, if it makes the masks: in all engines.
+    pub list_cycles: u64,
+    /// Runs of subtiles that raster seeds anew.
+    pub seeds: u64,
 }
 
 impl Lists {
@@ -75,9 +107,23 @@ impl Lists {
         };
         let results = Results::new(&shape, work, side_px);
         let mut listed = boxes.clone();
+        let mut masks: Vec<u64> = Vec::new();
         listed.retain(|tile, nth| {
             let at = [tile % boxes.columns, tile / boxes.columns];
-            results.of(nth, &work.footprints[nth as usize], side_px, at)
+            let place = results.place(nth, &work.footprints[nth as usize], side_px, at);
+            if results.listed[place] {
+                masks.extend(results.masks.get(place));
+            }
+            results.listed[place]
+        });
+        let masks = shape.masks.map(|shape| EntryMasks {
+            shape,
+            tested: match shape.made {
+                MaskMaker::Bin => results.tests as u64,
+                MaskMaker::List => 0,
+            },
+            set: masks.iter().map(|mask| u64::from(mask.count_ones())).sum(),
+            masks,
         });
         Lists {
             listed,
@@ -85,16 +131,60 @@ impl Lists {
                 boxes,
                 side_px,
                 results,
+                masks,
             }),
         }
     }
 
-    /// Counts of the tests, if the machine has any.
+    /// Counts of the tests, if the machine has any; those of masks are completed by the replay.
     pub fn tests(&self) -> Option<TileTests> {
         self.tested.as_ref().map(|tested| TileTests {
             tiles: tested.boxes.entries() as u64,
             entries: self.entries() as u64,
+            masks: tested.masks.as_ref().map(|masks| MaskCounts {
+                tested: masks.tested,
+                set: masks.set,
+                list_cycles: 0,
+                seeds: 0,
+            }),
         })
+    }
+
+    /// The mask of an entry, by its tile and its place in the list; all bits without masks.
+    #[inline(always)]
+    pub fn mask(&self, tile: usize, place: usize) -> u64 {
+        let masks = self
+            .tested
+            .as_ref()
+            .and_then(|tested| tested.masks.as_ref());
+        masks.map_or(u64::MAX, |masks| {
+            masks.masks[self.listed.first(tile) + place]
+        })
+    }
+
+    /// Cycles of `bin` for a tile of a box.
+    #[inline(always)]
+    pub fn test_cycles(&self, footprint: &Footprint, tile: usize) -> u64 {
+        let masks = self
+            .tested
+            .as_ref()
+            .and_then(|tested| tested.masks.as_ref());
+        masks.map_or(1, |masks| match masks.shape.made {
+            MaskMaker::Bin => {
+                let subtiles = self.subtiles(&masks.shape, footprint, tile);
+                masks.shape.cycles(subtiles)
+            }
+            MaskMaker::List => 1,
+        })
+    }
+
+    /// Subtiles of a tile that the box of a splat touches.
+    pub fn subtiles(&self, masks: &Masks, footprint: &Footprint, tile: usize) -> u64 {
+        let Some(tested) = &self.tested else { return 0 };
+        let at = [tile % self.columns, tile / self.columns];
+        let [columns, rows] = part(footprint, tested.side_px, at)
+            .map(|side| side.map(|pixel| pixel as u64 / u64::from(masks.subtile_px)));
+        (columns[1] - columns[0] + 1) * (rows[1] - rows[0] + 1)
     }
 
     /// Splats by the tiles that their boxes touch, listed there or not.
@@ -138,6 +228,9 @@ impl Lists {
         mut place: usize,
         entry: u32,
     ) -> usize {
+        if walk.finds_splats() {
+            return place;
+        }
         if let Some(tested) = &self.tested {
             let boxes = tested.boxes.of(tile);
             while boxes[place] != entry {
@@ -150,40 +243,121 @@ impl Lists {
     }
 }
 
+/// The part of a box in the tile of this column and row: first and last column and row, counted
+/// from the first of the tile.
+fn part(footprint: &Footprint, side_px: usize, at: [usize; 2]) -> [[usize; 2]; 2] {
+    [0, 1].map(|axis| {
+        let [first, last] = footprint.sides()[axis].map(usize::from);
+        let corner = at[axis] * side_px;
+        [
+            first.max(corner) - corner,
+            last.min(corner + side_px - 1) - corner,
+        ]
+    })
+}
+
 impl Results {
     fn new(shape: &BinShape, work: &Work, side_px: usize) -> Self {
         let splats = Splats::new(shape, work);
-        let mut tiles = Tiles::new(shape);
-        let (mut starts, mut listed) = (Vec::new(), Vec::new());
+        let mut tests = Tiles::new(shape);
+        let (mut starts, mut results) = (Vec::new(), Vec::new());
+        // Place of the first test of each tile.
+        let mut of_tiles = Vec::new();
+        let of_bin = shape.masks.filter(|masks| masks.made == MaskMaker::Bin);
         for (footprint, (words, splat)) in
             work.footprints.iter().zip(work.tested.iter().zip(splats))
         {
-            starts.push(listed.len() + tiles.waiting);
+            starts.push(of_tiles.len());
+            let first = footprint.sides().map(|[first, _]| usize::from(first));
             let [columns, rows] = footprint
                 .sides()
-                .map(|[first, last]| [usize::from(first), usize::from(last)]);
-            for row in rows[0] / side_px..rows[1] / side_px + 1 {
-                for column in columns[0] / side_px..columns[1] / side_px + 1 {
-                    let part = [(columns, column), (rows, row)].map(|([first, last], tile)| {
-                        let from = first.max(tile * side_px);
-                        let to = last.min(tile * side_px + side_px - 1);
-                        [from - first, to - first]
-                    });
-                    tiles.test(words, &splat, part, &mut listed);
+                .map(|side| side.map(|pixel| usize::from(pixel) / side_px));
+            for row in rows[0]..rows[1] + 1 {
+                for column in columns[0]..columns[1] + 1 {
+                    of_tiles.push(results.len() + tests.waiting);
+                    let at = [column, row];
+                    let part = part(footprint, side_px, at);
+                    // From the first pixel of the box.
+                    let mut test = |part: [[usize; 2]; 2]| {
+                        let part = [0, 1].map(|axis| {
+                            part[axis].map(|pixel| at[axis] * side_px + pixel - first[axis])
+                        });
+                        tests.test(words, &splat, part, &mut results);
+                    };
+                    if of_bin.is_none() {
+                        test(part);
+                    }
+                    for (_, subtile) in shape.masks.iter().flat_map(|of| subtiles(of, part)) {
+                        test(subtile);
+                    }
                 }
             }
         }
-        tiles.run(&mut listed);
-        Results { starts, listed }
+        tests.run(&mut results);
+        let Some(shape) = shape.masks else {
+            return Results {
+                starts,
+                tests: results.len(),
+                listed: results,
+                masks: Vec::new(),
+            };
+        };
+        // The results of subtiles become masks.
+        let (mut listed, mut masks) = (Vec::new(), Vec::new());
+        let mut of_tiles = of_tiles.into_iter();
+        for footprint in &work.footprints {
+            let [columns, rows] = footprint
+                .sides()
+                .map(|side| side.map(|pixel| usize::from(pixel) / side_px));
+            for row in rows[0]..rows[1] + 1 {
+                for column in columns[0]..columns[1] + 1 {
+                    let first = of_tiles.next().unwrap_or_default();
+                    let own = usize::from(of_bin.is_none());
+                    let part = part(footprint, side_px, [column, row]);
+                    let bits = subtiles(&shape, part).zip(&results[first + own..]);
+                    let mask = bits.fold(0, |mask, ((bit, _), is_set)| {
+                        mask | u64::from(*is_set) << bit
+                    });
+                    listed.push(match of_bin {
+                        Some(_) => mask != 0,
+                        None => results[first],
+                    });
+                    masks.push(mask);
+                }
+            }
+        }
+        Results {
+            starts,
+            listed,
+            masks,
+            tests: results.len(),
+        }
     }
 
-    /// Whether the nth splat is listed in the tile in this column and row.
-    fn of(&self, nth: u32, footprint: &Footprint, side_px: usize, [x, y]: [usize; 2]) -> bool {
+    /// Place of the result of the nth splat in the tile in this column and row.
+    fn place(&self, nth: u32, footprint: &Footprint, side_px: usize, [x, y]: [usize; 2]) -> usize {
         let [[left, right], [top, _]] = footprint
             .sides()
             .map(|side| side.map(|pixel| usize::from(pixel) / side_px));
-        self.listed[self.starts[nth as usize] + (y - top) * (right - left + 1) + x - left]
+        self.starts[nth as usize] + (y - top) * (right - left + 1) + x - left
     }
+}
+
+/// The subtiles that a part of a tile touches: the bit of each, and the part in it.
+fn subtiles(
+    masks: &Masks,
+    [columns, rows]: [[usize; 2]; 2],
+) -> impl Iterator<Item = (u32, [[usize; 2]; 2])> + use<> {
+    let (side, across) = (masks.subtile_px as usize, masks.across() as usize);
+    let within = move |[first, last]: [usize; 2], nth: usize| {
+        [first.max(nth * side), last.min(nth * side + side - 1)]
+    };
+    (rows[0] / side..rows[1] / side + 1).flat_map(move |row| {
+        (columns[0] / side..columns[1] / side + 1).map(move |column| {
+            let bit = (row * across + column) as u32;
+            (bit, [within(columns, column), within(rows, row)])
+        })
+    })
 }
 
 /// Results of the graph of a splat, splat by splat.

@@ -136,7 +136,10 @@ impl Tester {
     /// None if the machine is refused.
     fn new(machine: &Machine, test: BinTest) -> Option<Self> {
         let machine = Machine {
-            bin: Some(Bin { test }),
+            bin: Some(Bin {
+                test,
+                ..Bin::default()
+            }),
             ..machine.clone()
         };
         let e = &mut Elaboration::default();
@@ -145,7 +148,7 @@ impl Tester {
         if !e.errors.is_empty() {
             return None;
         }
-        words.declare(e);
+        words.declare(None, 1, e);
         e.errors.is_empty().then(|| Tester {
             raster,
             words,
@@ -399,6 +402,7 @@ fn machines_that_cannot_test_are_refused() {
     machine.raster.second.format.frac_bits = 20;
     machine.bin = Some(Bin {
         test: BinTest::Ellipse,
+        ..Bin::default()
     });
     let errors = machine.elaborate().unwrap_err();
     assert!(
@@ -412,6 +416,7 @@ fn machines_that_cannot_test_are_refused() {
     machine.raster.second.format.frac_bits = 25;
     machine.bin = Some(Bin {
         test: BinTest::OrientedBox,
+        ..Bin::default()
     });
     machine.timing.organisation = crate::machine::timing::Organisation::Immediate;
     let errors = machine.elaborate().unwrap_err();
@@ -429,7 +434,7 @@ fn every_multiplier_of_a_test_is_declared() {
     for (test, products) in [(BinTest::OrientedBox, 10), (BinTest::Ellipse, 16)] {
         let tester = Tester::new(&Machine::named("reference").unwrap(), test).unwrap();
         let e = &mut Elaboration::default();
-        tester.words.declare(e);
+        tester.words.declare(None, 1, e);
         let declared: u32 = e.parts.iter().map(crate::elaboration::Part::products).sum();
         assert_eq!(tester.tile.products(), products);
         assert_eq!(declared, tester.tile.products() + tester.splat.products());
