@@ -388,6 +388,11 @@ fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
         ("gaussian", &["bin.test=ellipse"], "bouquet"),
         (
             "gaussian",
+            &["bin.test=ellipse", "bin.subtile_px=8", "bin.masks=list"],
+            "bouquet",
+        ),
+        (
+            "gaussian",
             &[
                 "sort.kind=tile",
                 "timing.sort={\"units\": 2, \"buffer_entries\": 16, \"network\": 4}",

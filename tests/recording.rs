@@ -191,13 +191,22 @@ fn a_replay_has_the_cycles_of_the_run_with_any_test_of_tiles() {
     let scene = ["run", "bouquet", "--size", "32x24", "--quiet"];
     let (record, with_words, replayed) = (path("frame.work"), path("words.work"), path("replay"));
     let (mut pictures, mut entries) = (Vec::new(), Vec::new());
-    for (test, record) in [
-        ("ellipse", &with_words),
-        ("oriented-box", &with_words),
-        ("box", &record),
+    let masks = [
+        ["bin.subtile_px=4", "bin.mask_tests=3"],
+        ["bin.subtile_px=8", "bin.masks=list"],
+        ["timing.tile.side_px=12", "timing.engines=2"],
+    ];
+    for (test, record, masks) in [
+        ("ellipse", &with_words, None),
+        ("oriented-box", &with_words, None),
+        ("box", &record, None),
+        ("ellipse", &with_words, Some(masks[0])),
+        ("oriented-box", &with_words, Some(masks[1])),
+        ("ellipse", &with_words, Some(masks[2])),
     ] {
         let (out, set) = (path("run"), format!("bin.test={test}"));
-        let set = ["--set", &set];
+        let mut set = vec!["--set", &set];
+        set.extend(masks.iter().flatten().flat_map(|set| ["--set", *set]));
         let run = splatsim(&[&scene[..], &set, &["--out", &out]].concat());
         assert!(run.status.success(), "{run:?}");
         if test != "oriented-box" {
@@ -220,12 +229,14 @@ fn a_replay_has_the_cycles_of_the_run_with_any_test_of_tiles() {
                 &json(path("replay/cycles.json")),
                 &json(path("replay/cost.json"))
             ),
-            "{test}"
+            "{test} {masks:?}"
         );
         pictures.push(std::fs::read(path("run/fixed.png")).unwrap());
         let tests = &report["cycles"]["tile_tests"];
         entries.push(["entries", "tiles"].map(|count| tests[count].as_u64()));
         assert_eq!(tests.is_null(), test == "box");
+        let has_masks = masks.is_some_and(|masks| masks[0].contains("subtile"));
+        assert_eq!(tests["masks"]["subtiles_tested"].is_u64(), has_masks);
     }
     assert!(pictures.windows(2).all(|pair| pair[0] == pair[1]));
     let [ellipse, oriented] = [entries[0], entries[1]];
@@ -346,7 +357,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
         ),
         (
             "sort.key=U1F12",
-            "only fields below `timing` can change, and sort.kind, sort.tile_bits, sort.digit_bits and bin.test",
+            "only fields below `timing` can change, and sort.kind, sort.tile_bits, sort.digit_bits, bin.test, bin.subtile_px, bin.masks and bin.mask_tests",
         ),
     ] {
         let refused = splatsim(&["replay", &record, "--set", set, "--out", &replayed]);

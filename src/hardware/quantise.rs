@@ -273,10 +273,11 @@ fn quantise_scaled(scene: &Scene, extents: Extents, machine: &Machine) -> Result
 /// the smallest.
 pub fn lacks_tile_bits(machine: &Machine, size: [usize; 2]) -> Option<String> {
     let bits = machine.sort.and_then(|sort| sort.tile_bits)?;
-    let tiles: usize = size.map(|pixels| pixels.div_ceil(TILE_PX)).iter().product();
+    let side_px = TILE_PX.min(machine.timing.tile.side_px as usize).max(1);
+    let tiles: usize = size.map(|pixels| pixels.div_ceil(side_px)).iter().product();
     let needed = tiles.next_power_of_two().ilog2();
     (needed > bits).then(|| {
-        format!("sort.tile_bits is {bits}, and the picture has {tiles} tiles of {TILE_PX}×{TILE_PX} pixels: {needed} bits are needed")
+        format!("sort.tile_bits is {bits}, and the picture has {tiles} tiles of {side_px}×{side_px} pixels: {needed} bits are needed")
     })
 }
 

@@ -57,9 +57,11 @@ pub fn critical_paths(machine: &Elaborated) -> Vec<CriticalPath> {
             of.pace.latency,
         )
     });
-    let bin = t
-        .bin
-        .map(|bin| critical("bin", bin.words.path(), bin.latency));
+    let bin = t.bin.map(|bin| critical("bin", bin.path(), bin.latency));
+    let list = t.bin.and_then(|bin| {
+        let (masks, latency) = t.masks_of_list()?;
+        Some(critical("list, a mask", masks.path(bin.words), latency))
+    });
     let sorter = t
         .sort
         .and_then(|sort| sort.sorter)
@@ -72,6 +74,7 @@ pub fn critical_paths(machine: &Elaborated) -> Vec<CriticalPath> {
     .into_iter()
     .chain(colour)
     .chain(bin)
+    .chain(list)
     .chain(sorter)
     .chain(
         [

@@ -567,9 +567,12 @@ impl Energy {
             .filter(|unit| unit.name == unit::BIN)
             .map(|unit| unit.account.busy as f64)
             .sum();
+        let masks = cycles.tile_tests.and_then(|tests| tests.masks);
         let items = |name: &str| match name {
             unit::SORT if sorters > 0 => sorted,
             unit::BIN if machine.timing.bin.is_some() => tested,
+            // The parts of list are those of its masks, in all engines.
+            unit::LIST => masks.map_or(0, |masks| masks.list_cycles) as f64,
             // Each shaded fragment may be reflected.
             "shade" | "reflect" => {
                 counted("shade") + counted("resolve-shade") + counted("setup-shade")
@@ -596,6 +599,7 @@ impl Energy {
                 // of them.
                 let instances = match part.unit {
                     "shade" | "reflect" => f64::from(machine.timing.shade_units),
+                    unit::LIST => f64::from(machine.timing.engines),
                     unit::SORT => f64::from(sorters.max(1)),
                     _ => 1.0,
                 };

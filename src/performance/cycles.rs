@@ -72,6 +72,22 @@ pub struct TileTestsReport {
     pub tiles: u64,
     /// Entries of all tile lists: tiles that are not rejected.
     pub entries: u64,
+    /// Masks of the entries; only for machines with `bin.subtile_px`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub masks: Option<MasksReport>,
+}
+
+/// Masks of subtiles in the entries of tile lists.
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+pub struct MasksReport {
+    /// Subtiles that were tested.
+    pub subtiles_tested: u64,
+    /// Bits that are set in the entries of all lists.
+    pub subtiles_set: u64,
+    /// Cycles in which `list` tested subtiles, in all engines; 0 if `bin` does.
+    pub list_cycles: u64,
+    /// Cycles in which raster seeded a run of subtiles anew.
+    pub seeds: u64,
 }
 
 /// Savings by early termination, relative to the same machine without it.
@@ -264,6 +280,12 @@ impl CyclesReport {
             tile_tests: cycles.tile_tests.map(|tests| TileTestsReport {
                 tiles: tests.tiles,
                 entries: tests.entries,
+                masks: tests.masks.map(|masks| MasksReport {
+                    subtiles_tested: masks.tested,
+                    subtiles_set: masks.set,
+                    list_cycles: masks.list_cycles,
+                    seeds: masks.seeds,
+                }),
             }),
             tiles: cycles.tiles.clone(),
         }
@@ -377,13 +399,27 @@ impl CyclesReport {
                 wrapped(&format!("early termination: {skipped}, {left_out}"))
             );
         }
-        if let Some(TileTestsReport { tiles, entries }) = self.tile_tests {
+        if let Some(TileTestsReport {
+            tiles,
+            entries,
+            masks,
+        }) = self.tile_tests
+        {
             let listed = format!(
                 "tests of tiles: {} of {} tiles of boxes have an entry",
                 thousands(entries),
                 thousands(tiles)
             );
             let _ = write!(text, "\n{}", wrapped(&listed));
+            if let Some(masks) = masks {
+                let set = format!(
+                    "masks: {} subtiles are set, {} were tested; {} runs of subtiles were seeded anew",
+                    thousands(masks.subtiles_set),
+                    thousands(masks.subtiles_tested),
+                    thousands(masks.seeds)
+                );
+                let _ = write!(text, "\n{}", wrapped(&set));
+            }
         }
         text
     }

@@ -44,8 +44,16 @@ const MAGIC_WITH_KEYS: &[u8] = b"splatsim-work-6\n";
 const MAGIC_WITH_WORDS: &[u8] = b"splatsim-work-7\n";
 
 /// Fields outside of `timing` that change no picture: how the order is computed, not which it is;
-/// and which tiles are tested for having no pixel.
-const OF_ORDER: [&str; 4] = ["sort.kind", "sort.tile_bits", "sort.digit_bits", "bin.test"];
+/// and which tiles and subtiles are tested for having no pixel.
+const OF_ORDER: [&str; 7] = [
+    "sort.kind",
+    "sort.tile_bits",
+    "sort.digit_bits",
+    "bin.test",
+    "bin.subtile_px",
+    "bin.masks",
+    "bin.mask_tests",
+];
 
 /// Columns and rows of the roofline.
 const ROOFLINE_PX: [u32; 2] = [860, 600];
@@ -221,10 +229,10 @@ impl Recording {
         let flag = machines::flag("--set", setting);
         let field = setting.split('=').next().unwrap_or_default().trim();
         if !field.starts_with("timing.") && !OF_ORDER.contains(&field) {
-            let [kind, tile_bits, digit_bits, test] = OF_ORDER;
+            let [others @ .., last] = &OF_ORDER;
             return Err(Error::input(format!(
-                "{flag}: the record contains what happened in the frame; only fields below `timing` can change, and {kind}, {tile_bits}, {digit_bits} and \
-                 {test}"
+                "{flag}: the record contains what happened in the frame; only fields below `timing` can change, and {} and {last}",
+                others.join(", ")
             )));
         }
         let machine = machines::changed(&self.machine, setting, &flag)?;

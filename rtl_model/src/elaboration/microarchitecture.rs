@@ -359,6 +359,16 @@ pub struct BinShape {
     pub mask_latency: Option<u32>,
 }
 
+impl BinShape {
+    /// Critical path: from a splat to its first entry.
+    pub fn path(&self) -> Path {
+        match self.masks.filter(|masks| masks.made == MaskMaker::Bin) {
+            Some(masks) => masks.path(self.words),
+            None => self.words.path(),
+        }
+    }
+}
+
 /// A test of tiles, and the words that it uses. The unit `bin` builds its arithmetic from them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BinWords {

@@ -196,15 +196,17 @@ impl Machine {
         let masks = Masks::of(self);
         words.declare(masks, self.timing.engines.unwrap_or(1).clamp(1, 64), e);
         let cycles = |path: Path| path.cycles_at(&self.timing).max(1);
-        let mask_latency = masks.map(|masks| cycles(masks.path(words)));
-        let in_bin = mask_latency.filter(|_| self.listed_mask_bits() > 0);
-        Some(BinShape {
+        let shape = BinShape {
             test: words.test,
-            latency: in_bin.unwrap_or_else(|| cycles(words.path())),
+            latency: 1,
             bits: [words.splat_bits(), words.tile_bits()],
             masks,
-            mask_latency,
+            mask_latency: masks.map(|masks| cycles(masks.path(words))),
             words,
+        };
+        Some(BinShape {
+            latency: cycles(shape.path()),
+            ..shape
         })
     }
 

@@ -109,8 +109,13 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
         ),
         (
             "tile/side_px",
-            json!(24),
-            "timing.tile.side_px is 24: it must be a multiple of 16 up to 1024",
+            json!(132),
+            "timing.tile.side_px is 132: it must be a multiple of 4 up to 128, or of 16 up to 1024",
+        ),
+        (
+            "tile/side_px",
+            json!(18),
+            "timing.tile.side_px is 18: it must be a multiple of 4 up to 128, or of 16 up to 1024",
         ),
         (
             "tile/buffers",
@@ -574,7 +579,7 @@ fn tiles_of_any_size_do_the_same_work() {
         (cycles.stamps, items("fragment"), items("bin"))
     };
     assert!(of(16).1 > 1000);
-    for side in [32, 48, 64, 1024] {
+    for side in [4, 8, 12, 20, 32, 36, 48, 64, 100, 128, 1024] {
         assert_eq!(of(side), of(16), "{side}");
     }
 }

@@ -168,7 +168,7 @@ fn a_frame_with_narrow_memory_moves_the_same_bytes_in_about_the_time() {
 
 #[test]
 fn a_binned_frame_with_narrow_memory_moves_the_same_bytes_in_about_the_time() {
-    check(Organisation::Binned, finite, 45, 215, 5);
+    check(Organisation::Binned, finite, 45, 250, 5);
 }
 
 #[test]

@@ -136,10 +136,20 @@ fn any_splat(
 }
 
 /// A scene of at most this many pixels per side and this many splats.
-pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
+pub fn random(rng: &mut Rng, size: [u64; 2], splats: u64) -> Scene {
+    random_of(rng, size, splats, [1, 3, 6, 20])
+}
+
+/// One whose splats have at most one of these sides.
+pub fn random_of(
+    rng: &mut Rng,
+    [width, height]: [u64; 2],
+    splats: u64,
+    largest: [u64; 4],
+) -> Scene {
     let [width, height] = [width, height].map(|most| 1 + rng.below(most) as u32);
     let culled = rng.below(60);
-    let largest = [1, 3, 6, 20][rng.below(4) as usize];
+    let largest = largest[rng.below(4) as usize];
     let covering = [1 + rng.below(100), rng.below(101)];
     let splats = (0..rng.below(splats + 1))
         .map(|_| match rng.below(100) < culled {

@@ -538,3 +538,73 @@ fn an_older_file_of_unit_costs_without_gates_is_valid() {
         matches!(load(&value), Err(Error::Input(sentence)) if sentence.contains("gates") && sentence.contains("rom"))
     );
 }
+
+/// Masks take area in the unit that makes them, in raster and in FIFOs, and energy where they are
+/// made.
+#[test]
+fn masks_are_never_free() {
+    let built = |more: &[&str]| {
+        let own = ["bin.test=ellipse", "timing.tile.side_px=32"];
+        built_with(&[&own[..], more].concat())
+    };
+    let of = |machine: &Elaborated| Cost::new(machine, &DEFAULT);
+    let unit = |cost: &Cost, name: &str| {
+        let unit = cost.units.iter().find(|unit| unit.name == name);
+        unit.map_or(0.0, |unit| unit.area)
+    };
+    let plain = of(&built(&[]));
+    let (eight, list) = ("bin.subtile_px=8", "bin.masks=list");
+    let [in_bin, in_list, finer, four, four_of_list, engines] = [
+        &[eight][..],
+        &[eight, list],
+        &["bin.subtile_px=4"],
+        &[eight, "bin.mask_tests=4"],
+        &[eight, list, "bin.mask_tests=4"],
+        &[eight, list, "timing.engines=2"],
+    ]
+    .map(|more| of(&built(more)));
+    for masked in [&in_bin, &in_list] {
+        assert!(unit(masked, "raster") > unit(&plain, "raster"));
+        assert!(masked.fifo_bits > plain.fifo_bits && masked.area > plain.area);
+    }
+    // Every engine has tests of its own.
+    let [one, two] = [&in_list, &engines].map(|cost| unit(cost, "list"));
+    assert!(unit(&plain, "list") == 0.0 && unit(&in_bin, "list") == 0.0 && one > 0.0);
+    assert!((two / one - 2.0).abs() < 1e-9, "{one}, {two}");
+    assert!(unit(&in_bin, "bin") > unit(&plain, "bin"));
+    assert_eq!(unit(&in_list, "bin"), unit(&plain, "bin"));
+    assert!(finer.area > in_bin.area && finer.fifo_bits > in_bin.fifo_bits);
+    // Four tests have four times the multipliers of one, for tiles.
+    let blocks = |cost: &Cost, name: &str| {
+        let unit = cost.units.iter().find(|unit| unit.name == name).unwrap();
+        unit.bits.multiplier
+    };
+    for (few, many, name) in [(&in_bin, &four, "bin"), (&in_list, &four_of_list, "list")] {
+        let [few, many] = [few, many].map(|cost| blocks(cost, name));
+        assert!(many > 2 * few && many < 4 * few, "{few}, {many}");
+    }
+    // Energy of the parts of `list` follows its cycles.
+    let machine = built(&[eight, list]);
+    let cost = of(&machine);
+    let cycles = |list_cycles: u64| {
+        let work = rtl_model::work::Work {
+            width: 16,
+            height: 16,
+            ..Default::default()
+        };
+        let mut cycles = timing::replay(&machine.timing, &work, Detail::Accounts);
+        cycles.tile_tests = Some(timing::TileTests {
+            tiles: 0,
+            entries: 0,
+            masks: Some(timing::MaskCounts {
+                tested: 0,
+                set: 0,
+                list_cycles,
+                seeds: 0,
+            }),
+        });
+        Energy::new(&machine, &cost, &cycles, &DEFAULT).units
+    };
+    let [none, some, more] = [0, 1000, 2000].map(cycles);
+    assert!(some > none && ((more - none) / (some - none) - 2.0).abs() < 1e-9);
+}

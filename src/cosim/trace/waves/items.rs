@@ -7,7 +7,8 @@
 //! ```
 //! The walk repeats that of `rtl_model::timing` in a simple form. It is compared with the timing
 //! model's log: a unit gets no words if its number of items differs from the walk's. Neither do the
-//! units of a binned machine that skip pixels that have stopped.
+//! units of a binned machine that skip pixels that have stopped, and units behind the lists of one
+//! with masks or with tiles that are not whole recorded tiles.
 
 use super::super::transfers::{NONE, RecordSource};
 use rtl_model::machine::timing::Organisation;
@@ -200,8 +201,10 @@ impl<'a> FrameWalk<'a> {
         // The stamps that a binned machine skips depend on cycles, which this walk does not model.
         let is_timed =
             self.work.stops() && self.machine.timing.timing.organisation == Organisation::Binned;
+        let is_cut = self.is_cut();
         let is_known = |unit: &str, taker: &UnitItems| {
             taker.items == taker.log.len()
+                && !(is_cut && ["raster", "gauss", "fragment", "shade"].contains(&unit))
                 && !(is_timed && ["list", "raster", "gauss", "fragment"].contains(&unit))
         };
         self.takers
@@ -209,6 +212,13 @@ impl<'a> FrameWalk<'a> {
             .filter(|(unit, taker)| is_known(unit, taker))
             .map(|(unit, taker)| (unit, taker.shown))
             .collect()
+    }
+
+    /// Whether tiles have masks, or parts of recorded tiles: this walk does not cut footprints.
+    fn is_cut(&self) -> bool {
+        let t = &self.machine.timing;
+        let is_whole = (t.timing.tile.side_px as usize).is_multiple_of(TILE_PX);
+        t.timing.organisation == Organisation::Binned && (t.masks().is_some() || !is_whole)
     }
 
     fn binned(&mut self) {
@@ -231,6 +241,12 @@ impl<'a> FrameWalk<'a> {
             let mut listed = lists.of(tile).iter().peekable();
             for entry in lists.boxes().of(tile) {
                 let footprint = &work.footprints[*entry as usize];
+                if self.is_cut() {
+                    if listed.next_if_eq(&entry).is_some() {
+                        self.take_splat("list", footprint.splat);
+                    }
+                    continue;
+                }
                 if listed.next_if_eq(&entry).is_none() {
                     // It has no pixel here.
                     self.stamps(footprint, corner, side);
