@@ -86,7 +86,7 @@ pub struct MasksReport {
     pub subtiles_set: u64,
     /// Cycles in which `list` tested subtiles, in all engines; 0 if `bin` does.
     pub list_cycles: u64,
-    /// Cycles in which raster seeded a run of subtiles anew.
+    /// Cycles in which raster seeded a run of subtiles, except the first of an entry.
     pub seeds: u64,
 }
 
@@ -413,7 +413,7 @@ impl CyclesReport {
             let _ = write!(text, "\n{}", wrapped(&listed));
             if let Some(masks) = masks {
                 let set = format!(
-                    "masks: {} subtiles are set, {} were tested; {} runs of subtiles were seeded anew",
+                    "masks: {} subtiles are set, {} were tested; {} seeds of runs",
                     thousands(masks.subtiles_set),
                     thousands(masks.subtiles_tested),
                     thousands(masks.seeds)

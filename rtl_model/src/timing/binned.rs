@@ -379,7 +379,7 @@ impl<'a> SecondPass<'a> {
         let mut engines: Vec<Engine> = (0..t.engines)
             .map(|nth| Engine::new(t, self.work, &held, self.from, detail, nth))
             .collect();
-        // Each recorded tile is read in order by one engine, or anew for each tile.
+        // Each recorded tile is read in order by one engine, or again for each tile.
         let walks = if are_whole(t) { 1 } else { engines.len() };
         let mut walks: Vec<Stamps> = (0..walks).map(|_| Stamps::of_tiles(t, self.work)).collect();
         let mut stops = StopMap::new(self.work);

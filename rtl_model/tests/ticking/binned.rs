@@ -16,12 +16,12 @@
 //! Fragments stall until a buffer is free. A tile is resolved when the last of its stamps is
 //! written or skipped; a stopped tile when none of its stamps is in flight.
 //!
-//! If entries have masks, raster goes through the set subtiles of an entry in rectangles: as many
+//! If entries have masks, raster walks the set subtiles of an entry in rectangles: as many
 //! adjacent ones of a row as are set, together with the rectangle before if that has the same columns
 //! and ends directly above. Each rectangle except the first takes a cycle more, for its seed. An
 //! entry without a set subtile takes raster a cycle. `bin` or `list` tests the subtiles that the box
 //! touches, some of them in each cycle. `list` tests an entry when its record has arrived and the
-//! entry before is tested; raster sees the entry when its mask is ready.
+//! entry before is tested; raster can take the entry when its mask is ready.
 //!
 //! Raster skips a stopped pixel from the cycle on in which the stamp that stopped it is written.
 //! When all pixels of a tile have stopped, list skips the rest of the tile in no time, and raster

@@ -86,7 +86,7 @@ pub struct MaskCounts {
     pub set: u64,
     /// Cycles of tests in `list`, if it makes the masks: in all engines.
     pub list_cycles: u64,
-    /// Runs of subtiles that raster seeds anew.
+    /// Seeds of runs in raster.
     pub seeds: u64,
 }
 

@@ -283,7 +283,7 @@ impl Cut<'_> {
         stamps
     }
 
-    /// Moves the reader of a recorded tile to the splat of the entry, if it does not stand there.
+    /// Moves the reader of a recorded tile to the splat of the entry, if it is not there.
     fn skip_to_entry(&mut self, number: usize, index: usize, reader: &mut Reader, top: u16) {
         let Some(RecordedTiles { splats, read }) = &mut self.recorded else {
             return;
