@@ -141,17 +141,16 @@ impl BinWords {
             return;
         }
         let in_bin = masks.filter(|masks| masks.made == MaskMaker::Bin);
-        self.declare_tests(UNIT, 1, in_bin, e);
+        self.declare_tests((UNIT, 1), in_bin, e);
         if let Some(in_list) = masks.filter(|masks| masks.made == MaskMaker::List) {
-            self.declare_tests(unit::LIST, engines, Some(in_list), e);
+            self.declare_tests((unit::LIST, engines), Some(in_list), e);
         }
     }
 
     /// Parts of the tests in a unit: of tiles, or of the subtiles of masks.
     fn declare_tests(
         &self,
-        unit: &'static str,
-        units: u32,
+        (unit, copies): (&'static str, u32),
         masks: Option<Masks>,
         e: &mut Elaboration,
     ) {
@@ -180,7 +179,7 @@ impl BinWords {
         e.errors.append(&mut own.errors);
         e.parts.extend(own.parts.drain(..).map(|part| Part {
             unit,
-            copies: part.copies * units,
+            copies: part.copies * copies,
             ..part
         }));
     }
