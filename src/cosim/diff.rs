@@ -39,8 +39,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug)]
 struct TraceField {
     name: String,
-    width: u32,
-    frac_bits: i32,
+    format: Format,
     /// It is a word, and not an index or a count.
     is_word: bool,
 }
@@ -164,35 +163,13 @@ impl TraceFolder {
     fn described(&self, stream: &Value) -> Option<TraceStream> {
         let text = |value: &Value| value.as_str().map(str::to_owned);
         let fields = stream["fields"].as_array()?;
-        let number = |field: &Value, name: &str| field[name].as_i64();
-        let mut described = Vec::new();
-        let (mut formats, mut unless) = (Vec::new(), Vec::new());
+        let (mut described, mut unless) = (Vec::new(), Vec::new());
         for field in fields {
-            let width = u32::try_from(number(field, "width")?)
-                .ok()
-                .filter(|width| (1..=63).contains(width))?;
-            let frac_bits = number(field, "frac_bits")? as i32;
-            let is_word = frac_bits != 0 || !field["signal"].is_null();
+            let format = format_of(field)?;
             described.push(TraceField {
                 name: text(&field["name"])?,
-                width,
-                frac_bits,
-                is_word,
-            });
-            let signed = field["signed"].as_bool()?;
-            formats.push(match number(field, "significant_bits") {
-                None => Format {
-                    signed,
-                    ..Format::unsigned(width as i32, 0)
-                },
-                Some(bits) => {
-                    let (sign, int_bits) =
-                        (if signed { 'I' } else { 'U' }, number(field, "int_bits")?);
-                    let format: Format = format!("{sign}{int_bits}F{frac_bits}S{bits}")
-                        .parse()
-                        .ok()?;
-                    (format.stored_bits() == width as i32).then_some(format)?
-                }
+                format,
+                is_word: format.frac_bits != 0 || !field["signal"].is_null(),
             });
             let flags = field["zero_where"]
                 .as_array()
@@ -201,6 +178,7 @@ impl TraceFolder {
             let place = |flag: &Value| fields.iter().position(|field| field["name"] == *flag);
             unless.push(flags.iter().map(place).collect::<Option<Vec<_>>>()?);
         }
+        let formats = described.iter().map(|field| field.format).collect();
         Some(TraceStream {
             name: text(&stream["name"])?,
             unit: text(&stream["unit"])?,
@@ -232,6 +210,34 @@ impl TraceFolder {
         let layout = RecordLayout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
         Ok(lines::records(&path, &lines::read(&path)?, &layout, Zeros::Compared)?.records)
     }
+}
+
+/// The format of a field of a stream.
+fn format_of(field: &Value) -> Option<Format> {
+    let number = |name: &str, range: [i64; 2]| {
+        let number = field[name].as_i64()?;
+        (range[0]..=range[1])
+            .contains(&number)
+            .then_some(number as i32)
+    };
+    let width = number("width", [1, 63])?;
+    let frac_bits = number("frac_bits", [-64, 64])?;
+    let signed = field["signed"].as_bool()?;
+    if field["significant_bits"].is_null() {
+        return Some(Format {
+            signed,
+            ..Format::unsigned(width - frac_bits, frac_bits)
+        });
+    }
+    let sign = if signed { 'I' } else { 'U' };
+    let [int_bits, significant_bits] = [
+        number("int_bits", [-64, 64])?,
+        number("significant_bits", [1, 64])?,
+    ];
+    let format: Format = format!("{sign}{int_bits}F{frac_bits}S{significant_bits}")
+        .parse()
+        .ok()?;
+    (format.stored_bits() == width).then_some(format)
 }
 
 impl TraceStream {
@@ -580,13 +586,12 @@ impl Sides<'_> {
     fn field(&self, field: usize, expected: i64, got: i64) -> Value {
         let TraceField {
             name,
-            width,
-            frac_bits,
+            format,
             is_word,
         } = &self.stream.fields[field];
         json!({
-            "name": name, "expected_hex": digits(expected, *width), "got_hex": digits(got, *width),
-            "expected": value(expected, *frac_bits), "got": value(got, *frac_bits),
+            "name": name, "expected_hex": words::hex(*format, expected), "got_hex": words::hex(*format, got),
+            "expected": words::value(*format, expected), "got": words::value(*format, got),
             "difference_ulp": is_word.then_some(got - expected),
         })
     }
@@ -595,7 +600,7 @@ impl Sides<'_> {
         let word = |(field, &word): (&TraceField, &i64)| {
             (
                 field.name.clone(),
-                json!({"hex": digits(word, field.width), "value": value(word, field.frac_bits)}),
+                json!({"hex": words::hex(field.format, word), "value": words::value(field.format, word)}),
             )
         };
         Value::Object(stream.fields.iter().zip(words).map(word).collect())
@@ -797,22 +802,4 @@ impl std::fmt::Display for Counts {
             .collect();
         f.write_str(&counted.join(", "))
     }
-}
-
-/// Value of a word: an integer if it has no fraction bits.
-fn value(word: i64, frac_bits: i32) -> Value {
-    if frac_bits == 0 {
-        word.into()
-    } else {
-        (word as f64 * f64::from(-frac_bits).exp2()).into()
-    }
-}
-
-/// Bits of a word in hexadecimal.
-fn digits(word: i64, width: u32) -> String {
-    format!(
-        "{:0digits$x}",
-        word as u64 & ((1 << width) - 1),
-        digits = width.div_ceil(4) as usize
-    )
 }

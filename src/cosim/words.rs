@@ -36,22 +36,32 @@ pub struct Word {
 impl Word {
     /// Its bits in hexadecimal.
     pub fn hex(&self) -> String {
-        let digits = (self.format.stored_bits() as u32).div_ceil(4) as usize;
-        format!("{:0digits$x}", self.format.stored(self.word))
+        hex(self.format, self.word)
     }
 
     /// Its value.
     pub fn value(&self) -> Value {
-        if self.format.frac_bits == 0 {
-            self.word.into()
-        } else {
-            self.format.value(self.word).into()
-        }
+        value(self.format, self.word)
     }
 
     /// The word as JSON.
     pub fn json(&self) -> Value {
         json!({"signal": self.signal, "hex": self.hex(), "word": self.word, "value": self.value(), "events": self.events})
+    }
+}
+
+/// Stored bits of a word in hexadecimal.
+pub fn hex(format: Format, word: i64) -> String {
+    let digits = (format.stored_bits() as u32).div_ceil(4) as usize;
+    format!("{:0digits$x}", format.stored(word))
+}
+
+/// Value of a word: an integer if it has no fraction bits.
+pub fn value(format: Format, word: i64) -> Value {
+    if format.frac_bits == 0 {
+        word.into()
+    } else {
+        format.value(word).into()
     }
 }
 
