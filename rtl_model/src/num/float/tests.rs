@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::elaboration::Elaboration;
-use crate::graph::{Builder, Graph};
+use crate::graph::{Builder, Graph, Wire};
 use crate::num::{Exact, Fit, Overflow, Rounding, Word};
 use crate::probe::{NoProbe, Tap};
 use half::f16;
@@ -72,23 +72,21 @@ fn named_formats_have_the_fields_and_limits_of_their_standards() {
     assert_eq!(format("U1F24S11").stored_bits(), 14);
 }
 
-/// The rounded product and sum of two words, as graphs that elaborate.
-fn operators(factors: [Format; 2], result: Format, round: Rounding) -> [Graph<1>; 2] {
-    let word = Word::new(result).rounded(round);
-    [true, false].map(|is_product| {
-        let mut e = Elaboration::default();
-        let g = &mut Builder::new(&mut e, "unit");
-        let [a, b] = factors.map(|format| g.input(Word::new(format)));
-        let exact = if is_product {
-            g.times(a, b)
-        } else {
-            g.plus(a, b)
-        };
-        let fitted = g.fit("result", word, exact);
-        let graph = g.build([fitted]);
-        assert_eq!(e.errors, [""; 0], "{factors:?}");
-        graph
-    })
+/// An operator on two wires.
+type Operator = fn(&mut Builder<'_>, Wire, Wire) -> Wire;
+const TIMES: Operator = |g, a, b| g.times(a, b);
+const PLUS: Operator = |g, a, b| g.plus(a, b);
+
+/// The rounded result of two words, as a graph that elaborates.
+fn rounded(operator: Operator, factors: [Format; 2], result: Format) -> Graph<1> {
+    let mut e = Elaboration::default();
+    let g = &mut Builder::new(&mut e, "unit");
+    let [a, b] = factors.map(|format| g.input(Word::new(format)));
+    let exact = operator(g, a, b);
+    let fitted = g.fit("result", Word::new(result), exact);
+    let graph = g.build([fitted]);
+    assert_eq!(e.errors, [""; 0], "{factors:?}");
+    graph
 }
 
 /// The value that a graph makes of two values.
@@ -119,7 +117,8 @@ fn every_product_and_sum_of_8_bits_is_the_nearest_word() {
         // The first format holds small numbers, the second large ones.
         let half = |value: f64| usize::from(value.abs() > factors[0].value(factors[0].max()));
         let graphs = [0, 1].map(|a| {
-            [0, 1].map(|b| operators([factors[a], factors[b]], result, Rounding::NearestEven))
+            [0, 1]
+                .map(|b| [TIMES, PLUS].map(|each| rounded(each, [factors[a], factors[b]], result)))
         });
         let signed: Vec<f64> = numbers.iter().flat_map(|value| [*value, -value]).collect();
         for a in &signed {
@@ -152,13 +151,8 @@ fn products_and_sums_of_16_bits_are_those_of_the_crate_half() {
     let mut state = 1u64;
     let mut pairs = [0; 3];
     let ranges = RANGES.map(format);
-    let products = [0, 1].map(|a| {
-        [0, 1].map(|b| {
-            let [product, _] = operators([ranges[a], ranges[b]], result, Rounding::NearestEven);
-            product
-        })
-    });
-    let [_, sum] = operators([result; 2], result, Rounding::NearestEven);
+    let products = [0, 1].map(|a| [0, 1].map(|b| rounded(TIMES, [ranges[a], ranges[b]], result)));
+    let sum = rounded(PLUS, [result; 2], result);
     // The crate rounds f64 to FP16 once.
     let expected = |exact: f64| f16::from_f64(exact).to_f64().clamp(-most, most);
     for _ in 0..PAIRS {
