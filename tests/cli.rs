@@ -815,7 +815,15 @@ fn the_listed_machines_can_be_shown_as_machine_files() {
         .collect();
     assert_eq!(
         names,
-        ["reference", "lean", "tiny", "window", "volume", "gaussian"]
+        [
+            "reference",
+            "lean",
+            "tiny",
+            "window",
+            "volume",
+            "gaussian",
+            "fp16"
+        ]
     );
     let folder = folder();
     let scene = write(
