@@ -172,16 +172,22 @@ impl Format {
 
     /// The least representable word that is not below a word from 0 on.
     pub fn representable_from(self, word: i64) -> i64 {
-        let below = self.representable(word);
-        if below == word {
+        if !self.is_float() {
             return word;
         }
         let shift = significant_shift(word.unsigned_abs().into(), self.significant_bits, 0);
-        below + (1 << shift)
+        self.representable(word + (1 << shift) - 1)
     }
 
     pub(super) fn check_float(self, text: &str) -> Result<(), String> {
         let most = MAX_SIGNIFICANT_BITS.min(self.magnitude_bits() - 1);
+        if most < LEAST_SIGNIFICANT_BITS {
+            return Err(format!(
+                "`{text}` has {} bits of magnitude: floating point needs at least {}",
+                self.magnitude_bits(),
+                LEAST_SIGNIFICANT_BITS + 1
+            ));
+        }
         if (LEAST_SIGNIFICANT_BITS..=most).contains(&self.significant_bits) {
             return Ok(());
         }

@@ -19,8 +19,8 @@ pub fn between(interpolation: Interpolation, step: f64, slope: f64, curvature: f
 /// Greatest distance between a table, before its result is fitted, and a function with |f'| and
 /// |f''| up to these limits.
 ///
-/// The rounding of a word adds half an ulp, at most that of the greatest word, to [`between`]: an interpolated point is off by at most
-/// the larger error of its two words.
+/// The rounding of a word adds half an ulp of the greatest word to [`between`]: an interpolated
+/// point is off by at most the larger error of its two words.
 pub fn error(
     fit: &Fit,
     interpolation: Interpolation,

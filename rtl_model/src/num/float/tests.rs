@@ -219,6 +219,21 @@ fn every_stored_word_of_8_bits_reads_back() {
 }
 
 #[test]
+fn a_word_has_a_representable_one_on_each_side() {
+    let format = format("FP8(E4M3)");
+    let words: Vec<i64> = (0..=format.max())
+        .filter(|word| format.restored(format.stored(*word)) == *word)
+        .collect();
+    assert_eq!(words.len(), 127);
+    for word in 0..=format.max() {
+        let below = words.iter().rfind(|other| **other <= word).copied();
+        let from = words.iter().find(|other| **other >= word).copied();
+        assert_eq!(Some(format.representable(word)), below);
+        assert_eq!(Some(format.representable_from(word)), from, "{word}");
+    }
+}
+
+#[test]
 fn floating_point_words_that_cannot_be_modelled_are_refused() {
     let refusal = |text: &str| text.parse::<Format>().expect_err(text);
     assert_eq!(
@@ -228,6 +243,10 @@ fn floating_point_words_that_cannot_be_modelled_are_refused() {
     assert_eq!(
         refusal("U1F3S4"),
         "`U1F3S4` keeps 4 significant bits of 4: 2 to 3 can be modelled"
+    );
+    assert_eq!(
+        refusal("U1F1S2"),
+        "`U1F1S2` has 2 bits of magnitude: floating point needs at least 3"
     );
     assert!(refusal("I8F24S-3").contains("significant bits"));
     assert!(refusal("I8F24S").contains("is not a format"));
