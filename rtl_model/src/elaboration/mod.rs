@@ -191,22 +191,21 @@ impl Elaboration {
     ) -> Exact {
         let (a, b) = (a.into(), b.into());
         let product = a.exact.times(b.exact);
-        self.multiplier(unit, [a.bits, b.bits]);
-        if a.is_float || b.is_float {
-            self.float_product(unit);
+        let is_float = a.is_float || b.is_float;
+        self.multiplier(unit, [a.bits, b.bits], is_float);
+        if is_float {
             self.shifter(unit, product.bits());
         }
         product
     }
 
-    /// A multiplier of factors of so many bits, sign bits included.
-    pub fn multiplier(&mut self, unit: &'static str, bits: [i32; 2]) {
+    /// A multiplier of factors of so many bits, sign bits included; in floating point their
+    /// exponents are added.
+    pub fn multiplier(&mut self, unit: &'static str, bits: [i32; 2], is_float: bool) {
         self.part(unit, Operator::Multiplier(bits));
-    }
-
-    /// Adds the exponents of a product of floating-point words.
-    pub fn float_product(&mut self, unit: &'static str) {
-        self.adders(unit, 1, EXPONENT_BITS);
+        if is_float {
+            self.adders(unit, 1, EXPONENT_BITS);
+        }
     }
 
     /// An adder per term except the first; returns the exact sum (or difference).

@@ -215,18 +215,16 @@ impl<'e> Builder<'e> {
     pub fn times(&mut self, a: Wire, b: Wire) -> Wire {
         let [x, y] = [a, b].map(|wire| self.of(wire));
         let bits = [x, y].map(|node| node.factor_bits());
-        self.e.multiplier(self.unit, bits);
+        let is_float = x.is_float() || y.is_float();
+        self.e.multiplier(self.unit, bits, is_float);
         let product = self.node(
             Operator::Product([a, b]),
             x.shape.times(y.shape),
             x.signed || y.signed,
             x.power.times(y.power),
         );
-        if !(x.is_float() || y.is_float()) {
-            return product;
-        }
-        self.e.float_product(self.unit);
-        self.significant(product, bits[0] + bits[1])
+        let significant_bits = if is_float { bits[0] + bits[1] } else { 0 };
+        self.significant(product, significant_bits)
     }
 
     /// Times 2^`places`, by wiring.
