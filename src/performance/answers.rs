@@ -268,7 +268,7 @@ fn trial(name: &str) -> Option<Trial> {
         | "channels" | "write_batch" | "buffer_entries" | "network" => Trial::More,
         "latency" | "interval" | "hazard" | "merge" => Trial::Less,
         "side_px" | "line_px" | "burst_bytes" | "bucket_bits" => Trial::Both,
-        "queue" => Trial::Other,
+        "queue" | "overlap" => Trial::Other,
         "clock_hz" | "technology" | "organisation" | "ideal" | "hit_latency" | "miss_latency"
         | "row_bytes" | "banks" => Trial::Given,
         "preset"
@@ -289,6 +289,9 @@ fn trial(name: &str) -> Option<Trial> {
 fn candidates(machine: &Elaborated) -> Vec<Candidate> {
     let mut timing = json!(filled(machine));
     timing["queue"] = json!(machine.timing.timing.queue);
+    if timing["sort"].is_object() {
+        timing["sort"]["overlap"] = json!(machine.timing.overlaps_sort());
+    }
     let unused: &[&str] = match machine.timing.timing.organisation {
         Organisation::Binned => &["cache"],
         Organisation::Immediate => &["tile", "engines", "queue"],
@@ -319,7 +322,10 @@ fn candidates(machine: &Elaborated) -> Vec<Candidate> {
                 "merge" => 0,
                 _ => 1,
             };
-            let values = others(trial(name).unwrap_or(Trial::Given), from, u64::from(least));
+            let values = match trial(name).unwrap_or(Trial::Given) {
+                Trial::Other => other_choices(name, from),
+                trial => others(trial, from, u64::from(least)),
+            };
             all.extend(values.into_iter().map(|to| Candidate {
                 field: field.clone(),
                 from: from.clone(),
@@ -328,6 +334,15 @@ fn candidates(machine: &Elaborated) -> Vec<Candidate> {
         }
     }
     all
+}
+
+/// Every other value of a field with a few values.
+fn other_choices(name: &str, from: &Value) -> Vec<Value> {
+    let all = match name {
+        "queue" => QUEUES.map(|queue| json!(queue)),
+        _ => [json!(false), json!(true)],
+    };
+    all.into_iter().filter(|value| value != from).collect()
 }
 
 /// Other values of a number, or of each number of a pair.
@@ -344,13 +359,6 @@ fn others(trial: Trial, from: &Value, least: u64) -> Vec<Value> {
                     .into_iter()
                     .map(move |value| with(at, value))
             })
-            .collect();
-    }
-    if trial == Trial::Other {
-        return QUEUES
-            .into_iter()
-            .map(|queue| json!(queue))
-            .filter(|queue| queue != from)
             .collect();
     }
     let Some(number) = from.as_u64() else {
@@ -394,6 +402,7 @@ fn filled(machine: &Elaborated) -> Timing {
         buffer_entries,
         network,
         bucket_bits,
+        overlap,
         ..
     }) = built.sort.and_then(|sort| sort.sorter)
     {
@@ -402,6 +411,7 @@ fn filled(machine: &Elaborated) -> Timing {
             buffer_entries,
             network,
             bucket_bits,
+            overlap,
         });
     }
     timing.engines = Some(built.engines);

@@ -56,6 +56,13 @@ impl Microarchitecture {
             .map_or(0, |sorter| sorter.units)
     }
 
+    /// Whether sorters work while tiles are drawn.
+    pub fn overlaps_sort(&self) -> bool {
+        self.sort
+            .and_then(|sort| sort.sorter)
+            .is_some_and(|sorter| sorter.overlap)
+    }
+
     /// Whether the same work takes the same cycles: only critical paths and on-chip storage may
     /// differ.
     pub fn same_cycles_as(&self, other: &Self) -> bool {
@@ -72,7 +79,13 @@ impl Microarchitecture {
     /// lists in the same cycles: they may differ only in the units behind the lists. Shade is one
     /// of these unless splats are lit in setup.
     pub fn same_lists_as(&self, other: &Self, preshaded: bool) -> bool {
-        let behind = [unit::RASTER, unit::GAUSS, unit::FRAGMENT, unit::RESOLVE];
+        let behind = [
+            unit::LIST,
+            unit::RASTER,
+            unit::GAUSS,
+            unit::FRAGMENT,
+            unit::RESOLVE,
+        ];
         let is_behind = |name: &&str| behind.contains(name) || *name == unit::SHADE && !preshaded;
         let lifted = |of: &Self| of.lifted.filter(|name| !is_behind(name));
         let before = |of: &Self| {

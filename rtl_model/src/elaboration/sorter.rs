@@ -33,6 +33,12 @@ pub struct SorterShape {
     /// Upper bits of the key that select a bucket; none if lists are not distributed to buckets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bucket_bits: Option<u32>,
+    /// Whether lists are sorted while earlier tiles are drawn.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub overlap: bool,
+    /// Tile engines that then wait for lists.
+    #[serde(skip)]
+    pub engines: u32,
     /// Bits of the key.
     pub key_bits: u32,
     /// Bits of the mask in an entry.
@@ -105,6 +111,12 @@ impl SorterShape {
                 e.adders(unit::SORT, 1, SORT_COUNT_BITS as i32);
             }
         });
+        // Number of the list that each sorter works on. Each engine compares it with its own.
+        if self.overlap {
+            let bits = SORT_COUNT_BITS as i32;
+            e.copies(self.units, |e| e.part(unit::SORT, Operator::Register(bits)));
+            e.adders(unit::SORT, self.units * self.engines, bits);
+        }
         // Connects the sorters to the lists and to memory.
         e.choice(unit::SORT, self.units, bits);
     }
@@ -126,6 +138,7 @@ impl Machine {
             buffer_entries,
             network,
             bucket_bits,
+            overlap,
         } = t.sort.unwrap_or_default();
         e.require((1..=64).contains(&units), || {
             format!("timing.sort.units is {units}: it can be 1 to 64")
@@ -176,6 +189,8 @@ impl Machine {
             network,
             network_latency,
             bucket_bits,
+            overlap,
+            engines: t.engines.unwrap_or(1),
             key_bits,
             mask_bits: self.listed_mask_bits(),
         };

@@ -65,7 +65,7 @@ fn sorting(kind: SortKind, sorter: Option<Sorter>) -> Machine {
 /// worked out by hand.
 #[test]
 fn every_part_of_a_sorter_is_counted() {
-    let of = |kind, units, buffer_entries, network, bucket_bits| {
+    let with = |overlap, kind, units, buffer_entries, network, bucket_bits| {
         let machine = sorting(
             kind,
             Some(Sorter {
@@ -73,6 +73,7 @@ fn every_part_of_a_sorter_is_counted() {
                 buffer_entries,
                 network,
                 bucket_bits,
+                overlap,
             }),
         )
         .elaborate()
@@ -99,6 +100,9 @@ fn every_part_of_a_sorter_is_counted() {
         });
         (machine.timing.storage.memory_bits, adders, registers)
     };
+    let of = |kind, units, buffer_entries, network, bucket_bits| {
+        with(false, kind, units, buffer_entries, network, bucket_bits)
+    };
     // An entry has an index of 32 bits and a key of 24.
     let entry = 56;
     let (memory, adders, registers) = of(SortKind::Tile, 1, 256, 16, None);
@@ -122,6 +126,11 @@ fn every_part_of_a_sorter_is_counted() {
     assert_eq!(
         (twice - memory, more_adders, more_registers - 24),
         (4 * 256 * 56, 2 * adders, 2 * (registers - 24))
+    );
+    // Beside the engine that draws: the number of each sorter's list, and a comparison with it.
+    assert_eq!(
+        with(true, SortKind::Tile, 2, 256, 16, None),
+        (twice, more_adders + 2 * 32, more_registers + 2 * 32)
     );
     // Without a network; as wide as the buffer, which then needs no merging.
     assert_eq!(

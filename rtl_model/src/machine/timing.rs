@@ -248,6 +248,10 @@ pub struct Sorter {
     /// `sort.kind` is `hierarchical`; left out there, 6.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bucket_bits: Option<u32>,
+    /// Sort lists while earlier tiles are drawn; left out, false: the first tile is drawn when all
+    /// lists are sorted.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub overlap: bool,
 }
 
 impl Default for Sorter {
@@ -257,6 +261,7 @@ impl Default for Sorter {
             buffer_entries: 256,
             network: 16,
             bucket_bits: None,
+            overlap: false,
         }
     }
 }
@@ -688,6 +693,29 @@ impl Memory {
     /// Bytes after which addresses continue in the next channel.
     pub fn interleave_bytes(&self) -> u32 {
         self.interleave_bytes.unwrap_or(self.burst_bytes)
+    }
+
+    /// Whether more than the bandwidth and the open rows of a single channel matter. The memory must
+    /// be [resolved](Self::resolved).
+    pub fn has_channels(&self) -> bool {
+        let limits = [
+            self.bytes_per_cycle_permille,
+            self.rank_switch_cycles,
+            self.turnaround_cycles,
+            self.row_cycles,
+            self.four_rows_cycles,
+            self.refresh_interval_cycles,
+        ];
+        let is_plain = limits.iter().all(|limit| limit.unwrap_or(0) == 0);
+        !is_plain || self.channels() > 1 || self.ranks.unwrap_or(1) > 1
+    }
+
+    /// Distance between the lists of two tiles in memory, at least `bytes`. With channels, the next
+    /// list begins in the next bank: lists of a frame grow at the same time, and a bank opens one
+    /// row after another.
+    pub fn list_stride(&self, bytes: u64) -> u64 {
+        let next_bank = u64::from(self.channels()) * u64::from(self.row_bytes);
+        bytes + if self.has_channels() { next_bank } else { 0 }
     }
 
     /// Thousandths of a byte that all channels together move per cycle.

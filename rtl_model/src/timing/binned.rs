@@ -6,7 +6,8 @@
 //!                                                                      or list by list (`sorters.rs`)
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
-//! The second pass begins when the first pass and the sort have ended. Tiles are drawn row by row,
+//! The second pass begins when the first pass and the sort have ended. Sorters of lists may also
+//! overlap with it. Tiles are drawn row by row,
 //! or the longest lists first. Tiles without an entry are only written, after the previous tile of
 //! the picture. The pass has one or more engines, which share only memory and the queue: the next
 //! tile goes to the engine whose list unit is free first. Entries of all engines are replayed in
@@ -23,8 +24,9 @@ pub use lists::{Lists, MaskCounts, TileTests};
 
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
+use super::frame::Frame;
 use super::memory::{Direction, LISTS, Memory, Outstanding, RECORDS, Requester, WORDS};
-use super::sorters;
+use super::sorters::{self, Sorters};
 use super::stages::{Fill, FinalPixels, Merge, Resolve, SetUp, Stamp};
 use super::stamps::{Stamps, are_whole};
 use super::stops::{self, EarlyTermination, StopMap};
@@ -38,41 +40,42 @@ use crate::machine::timing::Queue;
 use crate::work::{Footprint, Work};
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// Distance between lists.
-pub const LIST_BYTES: u64 = 1 << 24;
+const LIST_BYTES: u64 = 1 << 24;
+
+/// Address of the list of a tile.
+pub fn list_address(t: &Microarchitecture, tile: usize) -> u64 {
+    LISTS + tile as u64 * t.timing.memory.list_stride(LIST_BYTES)
+}
 
 /// Replays a frame.
-pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
-    let lists = Lists::new(timing, work);
-    let mut listed = Listed::new(timing, work, &lists, detail);
-    let pass = SecondPass::new(timing, work, &lists, listed.from);
-    let (engines, stamps, tiles, saved) = pass.run(&mut listed.memory, detail);
-    Cycles {
-        early_termination: saved,
-        ..listed.cycles(engines, stamps, tiles, detail)
-    }
+pub fn replay(timing: &Microarchitecture, frame: &Frame, detail: Detail) -> Cycles {
+    let lists = frame.lists(timing);
+    Listed::new(timing, frame.work, &lists, detail).draw(timing, frame, &lists, detail)
 }
 
 /// A frame with written and sorted lists.
 #[derive(Clone)]
-struct Listed<'a> {
+pub struct Listed<'a> {
     memory: Memory,
     setup: SetUp<'a>,
     bin: Unit,
     sort: Vec<Unit>,
-    /// First cycle of the second pass.
+    /// Cycle in which all lists are written, and the first cycle of the second pass.
+    listed: u64,
     from: u64,
     tests: Option<TileTests>,
 }
 
 impl<'a> Listed<'a> {
     /// Replays the first pass and the sort.
-    fn new(t: &'a Microarchitecture, work: &'a Work, lists: &Lists, detail: Detail) -> Self {
+    pub fn new(t: &'a Microarchitecture, work: &'a Work, lists: &Lists, detail: Detail) -> Self {
         let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
         let (setup, bin, listed) = first_pass(t, work, lists, &mut memory, detail);
-        let (sort, sorted) = match work.order.is_empty() {
+        // Sorters that overlap with drawing belong to the second pass.
+        let (sort, sorted) = match work.order.is_empty() || t.overlaps_sort() {
             true => (Vec::new(), listed),
             false => sorters::sort_lists(t, work, lists, listed, &mut memory, detail)
                 .unwrap_or_else(|| {
@@ -89,8 +92,30 @@ impl<'a> Listed<'a> {
             setup,
             bin,
             sort,
+            listed,
             from,
             tests: lists.tests(),
+        }
+    }
+
+    /// Replays the second pass, on a machine with the same first pass and sort.
+    pub fn draw(
+        mut self,
+        t: &'a Microarchitecture,
+        frame: &Frame<'a>,
+        lists: &Lists,
+        detail: Detail,
+    ) -> Cycles {
+        let mut pass = SecondPass::new(t, frame.work, lists, self.from);
+        if t.overlaps_sort() && !frame.work.order.is_empty() {
+            let tiles = pass.queue.iter().map(|(_, tile)| *tile);
+            pass.sorters = Sorters::new(t, frame.work, lists, tiles, self.listed, detail);
+        }
+        let (engines, stamps, tiles, saved) =
+            pass.run(frame, &mut self.memory, detail, &mut self.sort);
+        Cycles {
+            early_termination: saved,
+            ..self.cycles(engines, stamps, tiles, detail)
         }
     }
 
@@ -107,8 +132,9 @@ impl<'a> Listed<'a> {
             setup,
             bin,
             sort,
+            listed,
+            from,
             tests,
-            ..
         } = self;
         let of_engine = engines
             .iter()
@@ -164,6 +190,7 @@ impl<'a> Listed<'a> {
             texels,
             light,
             tile_tests: tests,
+            passes: Some([listed, from]),
             ..Cycles::of(units, memory, detail)
         }
     }
@@ -201,6 +228,8 @@ struct SecondPass<'a> {
     from: u64,
     /// Tiles with an entry, and their positions in the queue.
     queue: VecDeque<(usize, usize)>,
+    /// Sorters that work meanwhile.
+    sorters: Option<Sorters<'a>>,
 }
 
 /// The units behind the lists.
@@ -282,7 +311,7 @@ impl<'a> Engine<'a> {
     fn new(
         t: &'a Microarchitecture,
         work: &Work,
-        held: &Rc<FinalPixels>,
+        held: &Arc<FinalPixels>,
         from: u64,
         detail: Detail,
         nth: u32,
@@ -313,7 +342,7 @@ impl<'a> Engine<'a> {
             list: list.behind_others(nth),
             fill: Fill::new(t, "list", unit::FRAGMENT, detail, nth),
             merge: Merge::new(t, work, unit::GAUSS, Some(unit::RESOLVE), detail, nth),
-            resolve: Resolve::new(t, Rc::clone(held), detail, nth),
+            resolve: Resolve::new(t, Arc::clone(held), detail, nth),
             lit: (t.timing.tile.buffers == 2).then(|| lit().behind_others(nth * t.shade.units)),
             lit_texels: Texels::new(t, work).filter(|_| t.timing.tile.buffers == 2),
             masks: ListMasks::new(t),
@@ -360,37 +389,50 @@ impl<'a> SecondPass<'a> {
             lists,
             from,
             queue: queue.into_iter().enumerate().collect(),
+            sorters: None,
         }
     }
 
     /// Returns the engines' cycles, the number of stamps and of those with a kept pixel, and each
-    /// tile's cycles.
+    /// tile's cycles. Appends the sorters that worked meanwhile to `sort`.
     fn run(
         mut self,
+        frame: &Frame<'a>,
         memory: &mut Memory,
         detail: Detail,
+        sort: &mut Vec<Unit>,
     ) -> (
         Vec<Engine<'a>>,
         [u64; 2],
         Option<Tiles>,
         Option<EarlyTermination>,
     ) {
-        let (t, held) = (self.t, FinalPixels::new(self.work));
+        let (t, held) = (self.t, frame.held());
         let mut engines: Vec<Engine> = (0..t.engines)
             .map(|nth| Engine::new(t, self.work, &held, self.from, detail, nth))
             .collect();
         // Each recorded tile is read in order by one engine, or again for each tile.
         let walks = if are_whole(t) { 1 } else { engines.len() };
         let mut walks: Vec<Stamps> = (0..walks).map(|_| Stamps::of_tiles(t, self.work)).collect();
-        let mut stops = StopMap::new(self.work);
+        let mut stops = frame.stops();
         let mut shares = vec![Shares::new(self.from); engines.len()];
         let mut turns = Vec::new();
         self.write_empty(0, self.from, memory);
-        while let Some(nth) = self.next(&engines) {
+        loop {
+            let next = self.next(&engines);
+            let sorts_at = self.sorters.as_ref().and_then(Sorters::next);
+            if let Some(sorters) = &mut self.sorters
+                && sorts_at.is_some_and(|at| next.is_none_or(|(from, _)| at <= from))
+            {
+                sorters.step(memory);
+                continue;
+            }
+            let Some((_, nth)) = next else { break };
             let others = (engines.iter().enumerate())
                 .filter(|(other, engine)| *other != nth && self.is_at_work(engine));
             let others_from = others
                 .map(|(_, engine)| engine.free())
+                .chain(sorts_at)
                 .min()
                 .unwrap_or(u64::MAX);
             let engine = &mut engines[nth];
@@ -438,6 +480,7 @@ impl<'a> SecondPass<'a> {
                 ));
             }
         }
+        sort.extend(self.sorters.into_iter().flat_map(|sorters| sorters.end().0));
         let stamps = [0, 1].map(|kept| engines.iter().map(|engine| engine.fill.stamps[kept]).sum());
         let names = engines
             .first()
@@ -452,21 +495,32 @@ impl<'a> SecondPass<'a> {
         engine.tile.is_some() || !self.queue.is_empty()
     }
 
-    /// The engine whose list unit is free first.
-    fn next(&self, engines: &[Engine]) -> Option<usize> {
-        let at_work = engines
-            .iter()
-            .enumerate()
-            .filter(|(_, engine)| self.is_at_work(engine));
-        at_work
-            .min_by_key(|(_, engine)| engine.free())
-            .map(|(nth, _)| nth)
+    /// The engine whose list unit can take an entry first, and the cycle.
+    fn next(&self, engines: &[Engine]) -> Option<(u64, usize)> {
+        let from = |engine: &Engine| match engine.tile {
+            Some(_) => Some(engine.free()),
+            None => {
+                let (_, tile) = self.queue.front()?;
+                Some(engine.free().max(self.sorted(*tile)?))
+            }
+        };
+        (engines.iter().enumerate())
+            .filter_map(|(nth, engine)| from(engine).map(|from| (from, nth)))
+            .min()
+    }
+
+    /// The cycle from which the list of a tile can be read; none as long as it is not sorted.
+    fn sorted(&self, tile: usize) -> Option<u64> {
+        self.sorters
+            .as_ref()
+            .map_or(Some(self.from), |sorters| sorters.sorted(tile))
     }
 
     /// An engine takes the next tile.
     fn begin(&mut self, engine: &mut Engine, stops: Option<&mut StopMap>) -> TileState {
         let t = &self.t.timing;
         let (turn, place) = self.queue.pop_front().unwrap_or_default();
+        engine.list_from = engine.list_from.max(self.sorted(place).unwrap_or(0));
         let corner = [place % self.lists.columns, place / self.lists.columns]
             .map(|at| at as u32 * t.tile.side_px);
         // The only engine can resolve a tile without stamps before its list is read.
@@ -617,7 +671,7 @@ impl<'a> SecondPass<'a> {
         };
         memory.forget(now.min(others_from).min(requested_from));
         if needed > tile.bursts {
-            let address = LISTS + tile.place as u64 * LIST_BYTES + tile.bursts * burst;
+            let address = list_address(t, tile.place) + tile.bursts * burst;
             tile.burst_here =
                 memory.request(now, Requester::Lists, Direction::Read, address, burst);
             outstanding.push(tile.burst_here);
@@ -734,9 +788,9 @@ fn first_pass<'a>(
     let entry_bytes = keyed_bytes.unwrap_or(t.entry_bytes().into());
     let list = |tile: usize| {
         if keyed_bytes.is_some() {
-            sorters::keyed(tile)
+            sorters::keyed(t, tile)
         } else {
-            LISTS + tile as u64 * LIST_BYTES
+            list_address(t, tile)
         }
     };
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);

@@ -103,15 +103,7 @@ impl Channels {
     pub fn new(description: Description) -> Option<Self> {
         let d = description;
         let refresh = d.refresh_interval_cycles.unwrap_or(0);
-        let limits = [
-            d.bytes_per_cycle_permille,
-            d.rank_switch_cycles,
-            d.turnaround_cycles,
-            d.row_cycles,
-            d.four_rows_cycles,
-        ];
-        let is_plain = limits.iter().all(|limit| limit.unwrap_or(0) == 0) && refresh == 0;
-        if is_plain && d.channels() == 1 && d.ranks.unwrap_or(1) == 1 {
+        if !d.has_channels() {
             return None;
         }
         let ranks = d.ranks.unwrap_or(1) as usize;

@@ -9,8 +9,9 @@
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::cache::Cache;
+use super::frame::Frame;
 use super::memory::{Direction, LINES, Memory, Outstanding, Requester, WORDS};
-use super::stages::{Fill, FinalPixels, Merge, Resolve, SetUp};
+use super::stages::{Fill, Merge, Resolve, SetUp};
 use super::stamps::{Piece, Stamps, below};
 use super::texels;
 use crate::elaboration::microarchitecture::Microarchitecture;
@@ -52,7 +53,8 @@ impl FrameLines {
 }
 
 /// Replays a frame.
-pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
+pub fn replay(timing: &Microarchitecture, frame: &Frame, detail: Detail) -> Cycles {
+    let work = frame.work;
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
     let mut setup = SetUp::new(t, work, unit::RASTER, &mut memory, detail);
@@ -132,7 +134,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         }
     }
     setup.end(&mut memory);
-    let mut resolve = Resolve::new(t, FinalPixels::new(work), detail, 0);
+    let mut resolve = Resolve::new(t, frame.held(), detail, 0);
     resolve_frame(
         t,
         work,

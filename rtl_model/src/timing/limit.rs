@@ -21,9 +21,12 @@
 //! `lifting_the_limit_gains_most`,
 //! `a_hazard_that_blocks_is_the_limit_not_a_busy_memory`.
 
-use super::{Cycles, Detail, UnitCycles, Wait, replay, replay_all};
+use super::binned::Listed;
+use super::binned::batched::replay_frame;
+use super::{Cycles, Detail, Frame, UnitCycles, Wait, replay_on};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
+use crate::machine::timing::Organisation;
 use crate::work::Work;
 
 /// Kind of a limit.
@@ -51,15 +54,29 @@ pub struct Limit {
 /// The limit of a frame with these cycles. For equal gains, the first in the order of the diagram,
 /// then hazards, then memory; if no single limit gains anything, the busiest unit.
 pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit {
+    let frame = Frame::new(work);
     let mut search = LimitSearch::new(timing, work, cycles);
+    // The first pass and the sort, for units behind them.
+    let mut listed = None;
     while let Some(lifted) = search.next() {
-        search.tried(replay(&lifted, work, Detail::Total).total);
+        let detail = Detail::Total;
+        let is_behind = timing.timing.organisation == Organisation::Binned
+            && timing.same_lists_as(&lifted, work.preshaded);
+        let cycles = if is_behind {
+            let lists = frame.lists(timing);
+            let listed = listed.get_or_insert_with(|| Listed::new(timing, work, &lists, detail));
+            listed.clone().draw(&lifted, &frame, &lists, detail)
+        } else {
+            replay_on(&lifted, &frame, detail)
+        };
+        search.tried(cycles.total);
     }
     search.found()
 }
 
 /// [`limit`] for several machines, with batched replays.
 pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limit> {
+    let frame = Frame::new(work);
     let mut searches: Vec<LimitSearch> = frames
         .iter()
         .map(|(timing, cycles)| LimitSearch::new(timing, work, cycles))
@@ -74,7 +91,7 @@ pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limi
         if lifted.is_empty() {
             return searches.iter().map(LimitSearch::found).collect();
         }
-        let totals = replay_all(&lifted.iter().collect::<Vec<_>>(), work, Detail::Total);
+        let totals = replay_frame(&lifted.iter().collect::<Vec<_>>(), &frame, Detail::Total);
         tried
             .into_iter()
             .zip(totals)
@@ -220,10 +237,10 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
     // If pixels stop, a faster unit can skip more work than its own. With parallel units, the
     // longest path can go through one of them while the others are busy, or while merges are in
     // flight.
-    if work.stops() || !timing.is_single() || timing.sorters() > 1 {
+    if work.stops() || !timing.is_single() || timing.sorters() > 1 || timing.overlaps_sort() {
         all.iter_mut()
             .filter(|(at_most, ..)| *at_most > 0)
-            .for_each(|(at_most, ..)| *at_most = cycles.total);
+            .for_each(|(at_most, _, name, by)| *at_most = of_pass(timing, cycles, name, *by));
         return all;
     }
     // Reflections stall for texels, possibly from memory.
@@ -239,6 +256,29 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
         }
     }
     all
+}
+
+/// Cycles of the pass that a unit belongs to, or of the sort. They are consecutive, so a unit of
+/// one of them saves nothing in another. Memory works in all of them.
+fn of_pass(timing: &Microarchitecture, cycles: &Cycles, name: &str, by: Limited) -> u64 {
+    let Some([listed, from]) = cycles.passes.filter(|_| by != Limited::Memory) else {
+        return cycles.total;
+    };
+    let first = [
+        "fetch",
+        unit::PROJECT,
+        unit::ELLIPSE,
+        unit::COLOUR,
+        super::SETUP_SHADE,
+        "bin",
+    ];
+    // The shade unit of an engine may also light splats in the first pass.
+    match name {
+        name if first.contains(&name) => listed,
+        unit::SORT if !timing.overlaps_sort() => from - listed,
+        unit::SHADE => cycles.total,
+        _ => cycles.total - from,
+    }
 }
 
 fn of<'a>(cycles: &'a Cycles, name: &'a str) -> impl Iterator<Item = &'a UnitCycles> {

@@ -27,6 +27,7 @@ mod account;
 mod binned;
 mod cache;
 mod channels;
+mod frame;
 mod hazards;
 mod immediate;
 mod limit;
@@ -42,6 +43,7 @@ mod walk;
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use binned::batched::replay_all;
 pub use binned::{Lists, MaskCounts, TileTests};
+pub use frame::Frame;
 pub use limit::{Limit, Limited, limit, limits, most_gained};
 pub use memory::{Direction, MemoryCycles, REQUESTERS, Request, Requester, serve};
 pub use stops::EarlyTermination;
@@ -81,6 +83,9 @@ pub struct Cycles {
     pub early_termination: Option<EarlyTermination>,
     /// For a machine that tests tiles.
     pub tile_tests: Option<TileTests>,
+    /// For a binned machine: the cycle in which all lists are written, and the first cycle of the
+    /// second pass, after the sort.
+    pub passes: Option<[u64; 2]>,
 }
 
 impl Cycles {
@@ -114,6 +119,7 @@ impl Cycles {
             tiles: None,
             early_termination: None,
             tile_tests: None,
+            passes: None,
         }
     }
 }
@@ -144,12 +150,17 @@ const RESOLVE_SHADE: &str = "resolve-shade";
 
 /// Replays a frame's work on a microarchitecture. The cycles do not depend on `detail`.
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
+    replay_on(timing, &Frame::new(work), detail)
+}
+
+/// [`replay`], with what the replays of a frame share.
+fn replay_on(timing: &Microarchitecture, frame: &Frame, detail: Detail) -> Cycles {
     let cycles = match timing.timing.organisation {
-        Organisation::Immediate => immediate::replay(timing, work, detail),
-        Organisation::Binned => binned::replay(timing, work, detail),
+        Organisation::Immediate => immediate::replay(timing, frame, detail),
+        Organisation::Binned => binned::replay(timing, frame, detail),
     };
     Cycles {
-        harmonics: work.harmonics,
+        harmonics: frame.work.harmonics,
         ..cycles
     }
 }

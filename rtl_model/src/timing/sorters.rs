@@ -1,4 +1,5 @@
-//! Sorters: sorts tiles' lists one by one, between the passes of a binned machine.
+//! Sorters: sorts tiles' lists one by one, between the passes of a binned machine or beside the
+//! second one.
 //!
 //! ```text
 //! lists of entries with keys ─► load ─► sort, an entry per cycle ─► store ─► lists of indices
@@ -21,14 +22,17 @@
 //! memory reads only what has been written before. Entries in their final order are stored
 //! without their keys: 4 bytes, and the mask.
 //!
+//! With `timing.sort.overlap`, tiles are drawn meanwhile: an engine takes a tile when its list is
+//! sorted and written. Lists are then sorted in the order in which tiles are drawn.
+//!
 //! Each sorter takes the next list; if several are free, the first one does. Requests are in order
 //! of time; those of one cycle are in the order of sorters, stores first.
 //!
 //! Laws: `sorters_tick_as_they_are_replayed`, `a_list_that_fits_the_buffer_takes_its_formula`.
 
 use super::account::{Detail, Ready, Unit};
-use super::binned::LIST_BYTES;
-use super::memory::{Direction, LISTS, Memory, Requester};
+use super::binned::list_address;
+use super::memory::{Direction, Memory, Requester};
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use crate::elaboration::sorter::SorterShape;
 use crate::elaboration::unit;
@@ -48,8 +52,8 @@ const BUCKETS: u64 = KEYED + (3 << 54);
 const BUCKETS_BYTES: u64 = 1 << 42;
 
 /// Address of the unsorted list of a tile.
-pub fn keyed(tile: usize) -> u64 {
-    KEYED + tile as u64 * KEYED_BYTES
+pub fn keyed(t: &Microarchitecture, tile: usize) -> u64 {
+    KEYED + tile as u64 * t.timing.memory.list_stride(KEYED_BYTES)
 }
 
 /// Work of a sorter between a load and a store.
@@ -66,6 +70,8 @@ struct SortJob {
     /// Cycles of its last pass.
     last_pass: u64,
     stores: Vec<[u64; 2]>,
+    /// The tile whose list is sorted with it.
+    ends: Option<usize>,
 }
 
 /// A list, or a bucket of it, to be sorted.
@@ -82,6 +88,9 @@ struct ListPart {
 
 /// Makes jobs from lists.
 struct Plan<'a> {
+    t: &'a Microarchitecture,
+    /// Distance between lists with keys, chunks of lists, and buckets.
+    stride: u64,
     shape: SortShape,
     sorter: SorterShape,
     burst: u64,
@@ -98,7 +107,7 @@ impl Plan<'_> {
         let entries = list.len() as u64;
         let mut jobs = VecDeque::new();
         let whole = ListPart {
-            from: keyed(tile),
+            from: keyed(self.t, tile),
             entries,
             before: 0,
             follows: false,
@@ -112,7 +121,7 @@ impl Plan<'_> {
                     .enumerate()
                     .filter(|(_, entries)| *entries > 0)
                 {
-                    let from = Self::bucket(sorter, bucket);
+                    let from = self.bucket(sorter, bucket);
                     self.sort(
                         tile,
                         ListPart {
@@ -129,11 +138,20 @@ impl Plan<'_> {
             }
             _ => self.sort(tile, whole, true, &mut jobs),
         }
+        if let Some(last) = jobs.back_mut() {
+            last.ends = Some(tile);
+        }
         jobs
     }
 
-    fn bucket(sorter: u64, bucket: usize) -> u64 {
-        BUCKETS + sorter * BUCKETS_BYTES + bucket as u64 * KEYED_BYTES
+    /// Address of a bucket.
+    fn bucket(&self, sorter: u64, bucket: usize) -> u64 {
+        BUCKETS + sorter * BUCKETS_BYTES + bucket as u64 * self.stride
+    }
+
+    /// Address of the chunks of a list, before or after a pass.
+    fn chunks(&self, pass: usize, tile: usize) -> u64 {
+        CHUNKS[pass % 2] + tile as u64 * self.stride
     }
 
     /// Distributes a list to buckets; returns the number of entries of each.
@@ -164,7 +182,7 @@ impl Plan<'_> {
             for entry in half {
                 let bucket = of(*entry).min(sizes.len() - 1);
                 stores.extend(self.full(
-                    Self::bucket(sorter, bucket),
+                    self.bucket(sorter, bucket),
                     sizes[bucket],
                     1,
                     self.entry_bytes(),
@@ -175,7 +193,7 @@ impl Plan<'_> {
             if nth == last {
                 let left = |(bucket, entries): (usize, &u64)| {
                     self.full(
-                        Self::bucket(sorter, bucket),
+                        self.bucket(sorter, bucket),
                         *entries,
                         0,
                         self.entry_bytes(),
@@ -184,7 +202,7 @@ impl Plan<'_> {
                 };
                 stores.extend(sizes.iter().enumerate().flat_map(left));
             }
-            let load = self.bytes(keyed(tile), loaded, half.len() as u64);
+            let load = self.bytes(keyed(self.t, tile), loaded, half.len() as u64);
             loaded += half.len() as u64;
             jobs.push_back(SortJob::streamed(
                 load,
@@ -199,7 +217,7 @@ impl Plan<'_> {
 
     /// Sorts a part of a list. If it is the last part, the rest of the last burst is stored too.
     fn sort(&self, tile: usize, part: ListPart, is_last: bool, jobs: &mut VecDeque<SortJob>) {
-        let sorted = LISTS + tile as u64 * LIST_BYTES;
+        let sorted = list_address(self.t, tile);
         let SorterShape {
             buffer_entries,
             network,
@@ -228,13 +246,7 @@ impl Plan<'_> {
                     self.sorted_bytes,
                     is_last && is_end,
                 ),
-                _ => self.full(
-                    CHUNKS[0] + tile as u64 * KEYED_BYTES,
-                    first,
-                    n,
-                    self.entry_bytes(),
-                    is_end,
-                ),
+                _ => self.full(self.chunks(0, tile), first, n, self.entry_bytes(), is_end),
             };
             jobs.push_back(SortJob {
                 load: self.bytes(from, first, n),
@@ -243,6 +255,7 @@ impl Plan<'_> {
                 work: fed + u64::from(network_latency) + merges * n,
                 last_pass: if merges > 0 { n } else { fed },
                 stores: stores.into_iter().collect(),
+                ends: None,
             });
         }
         for pass in 0..passes as usize {
@@ -260,14 +273,14 @@ impl Plan<'_> {
                     )
                 } else {
                     self.full(
-                        CHUNKS[(pass + 1) % 2] + tile as u64 * KEYED_BYTES,
+                        self.chunks(pass + 1, tile),
                         first,
                         n,
                         self.entry_bytes(),
                         is_end,
                     )
                 };
-                let load = self.bytes(CHUNKS[pass % 2] + tile as u64 * KEYED_BYTES, first, n);
+                let load = self.bytes(self.chunks(pass, tile), first, n);
                 jobs.push_back(SortJob::streamed(
                     load,
                     first == 0,
@@ -333,6 +346,7 @@ impl SortJob {
             work: entries,
             last_pass: entries,
             stores,
+            ends: None,
         }
     }
 }
@@ -435,11 +449,9 @@ impl Sorter {
         self.stores = Some((job, ends));
     }
 
-    /// Stores the result of the current job.
-    fn store(&mut self, from: u64, memory: &mut Memory) {
-        let Some((job, now)) = self.stores.take() else {
-            return;
-        };
+    /// Stores the result of the current job; returns the tile whose list is then sorted.
+    fn store(&mut self, from: u64, memory: &mut Memory) -> Option<usize> {
+        let (job, now) = self.stores.take()?;
         self.ended = now;
         self.written = self.written.max(now);
         for [address, bytes] in job.stores {
@@ -452,11 +464,103 @@ impl Sorter {
             ));
         }
         self.begin(from);
+        job.ends
     }
 }
 
-/// Sorts every list, from a cycle on; returns the units, and the cycle in which all lists are
-/// sorted.
+/// The sorters of a machine, and the lists that they sort.
+pub struct Sorters<'a> {
+    plan: Plan<'a>,
+    /// First cycle.
+    from: u64,
+    /// Tiles whose lists no sorter has taken.
+    queue: VecDeque<usize>,
+    sorters: Vec<Sorter>,
+    /// Cycle from which the list of each tile is sorted and written.
+    sorted: Vec<Option<u64>>,
+}
+
+impl<'a> Sorters<'a> {
+    /// Sorters that begin in a cycle, with the lists of these tiles in this order; none if the
+    /// machine has none.
+    pub fn new(
+        t: &'a Microarchitecture,
+        work: &'a Work,
+        lists: &'a Bins,
+        tiles: impl Iterator<Item = usize>,
+        from: u64,
+        detail: Detail,
+    ) -> Option<Self> {
+        let shape = t.sort?;
+        let sorter = shape.sorter?;
+        let plan = Plan {
+            t,
+            stride: t.timing.memory.list_stride(KEYED_BYTES),
+            shape,
+            sorter,
+            burst: t.timing.memory.burst_bytes.into(),
+            sorted_bytes: t.entry_bytes().into(),
+            work,
+            lists,
+        };
+        Some(Sorters {
+            plan,
+            from,
+            queue: tiles.collect(),
+            sorters: (0..sorter.units)
+                .map(|nth| Sorter::new(from, nth, t, detail))
+                .collect(),
+            sorted: vec![None; lists.tiles()],
+        })
+    }
+
+    /// The sorter with the next request, after its cycle and whether it is a load: stores first.
+    fn first(&self) -> Option<(u64, bool, usize)> {
+        let are_left = !self.queue.is_empty();
+        (self.sorters.iter().enumerate())
+            .filter_map(|(nth, sorter)| sorter.next(are_left).map(|(when, load)| (when, load, nth)))
+            .min()
+    }
+
+    /// The cycle of the next request.
+    pub fn next(&self) -> Option<u64> {
+        self.first().map(|(when, ..)| when)
+    }
+
+    /// Sends the next request.
+    pub fn step(&mut self, memory: &mut Memory) {
+        let Some((now, is_load, nth)) = self.first() else {
+            return;
+        };
+        let sorter = &mut self.sorters[nth];
+        if !is_load {
+            if let Some(tile) = sorter.store(self.from, memory) {
+                self.sorted[tile] = Some(sorter.written);
+            }
+            return;
+        }
+        if sorter.jobs.is_empty() {
+            let tile = self.queue.pop_front();
+            sorter.jobs = tile.map_or_else(VecDeque::new, |tile| self.plan.jobs(tile, nth as u64));
+        }
+        sorter.load(now, self.from, memory);
+    }
+
+    /// The cycle from which the list of a tile is sorted, if its last request was sent.
+    pub fn sorted(&self, tile: usize) -> Option<u64> {
+        self.sorted[tile]
+    }
+
+    /// The units, and the cycle in which all lists are sorted.
+    pub fn end(self) -> (Vec<Unit>, u64) {
+        let written = self.sorters.iter().map(|sorter| sorter.written).max();
+        let units = self.sorters.into_iter().map(|sorter| sorter.unit).collect();
+        (units, written.unwrap_or(self.from))
+    }
+}
+
+/// Sorts every list in the order of the picture, from a cycle on; returns the units, and the cycle
+/// in which all lists are sorted.
 pub fn sort_lists(
     t: &Microarchitecture,
     work: &Work,
@@ -465,52 +569,13 @@ pub fn sort_lists(
     memory: &mut Memory,
     detail: Detail,
 ) -> Option<(Vec<Unit>, u64)> {
-    let shape = t.sort?;
-    let sorter = shape.sorter?;
-    let plan = Plan {
-        shape,
-        sorter,
-        burst: t.timing.memory.burst_bytes.into(),
-        sorted_bytes: t.entry_bytes().into(),
-        work,
-        lists,
-    };
-    let mut queue = (0..lists.tiles())
-        .filter(|tile| !lists.of(*tile).is_empty())
-        .peekable();
-    let mut sorters: Vec<Sorter> = (0..sorter.units)
-        .map(|nth| Sorter::new(from, nth, t, detail))
-        .collect();
-    loop {
-        let are_left = queue.peek().is_some();
-        // Stores first.
-        let next = (sorters.iter().enumerate())
-            .filter_map(|(nth, sorter)| sorter.next(are_left).map(|(when, load)| (when, load, nth)))
-            .min();
-        let Some((now, is_load, nth)) = next else {
-            break;
-        };
+    let tiles = (0..lists.tiles()).filter(|tile| !lists.of(*tile).is_empty());
+    let mut sorters = Sorters::new(t, work, lists, tiles, from, detail)?;
+    while let Some(now) = sorters.next() {
         memory.forget(now);
-        let sorter = &mut sorters[nth];
-        if !is_load {
-            sorter.store(from, memory);
-            continue;
-        }
-        if sorter.jobs.is_empty() {
-            sorter.jobs = queue
-                .next()
-                .map_or_else(VecDeque::new, |tile| plan.jobs(tile, nth as u64));
-        }
-        sorter.load(now, from, memory);
+        sorters.step(memory);
     }
-    let sorted = sorters
-        .iter()
-        .map(|sorter| sorter.written)
-        .max()
-        .unwrap_or(from);
+    let (units, sorted) = sorters.end();
     memory.forget(sorted);
-    Some((
-        sorters.into_iter().map(|sorter| sorter.unit).collect(),
-        sorted,
-    ))
+    Some((units, sorted))
 }

@@ -19,7 +19,7 @@ use crate::elaboration::unit;
 use crate::work::{CullReason, Footprint, NO_TEXEL, TILE_PX, Work};
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// Fetch, project and ellipse; colour, if records have harmonics; shade, if splats are lit before
 /// they are drawn. An item is a splat.
@@ -1039,7 +1039,7 @@ fn has_part(timing: &Microarchitecture, stamp: &[Piece], unit: usize) -> bool {
 pub struct Resolve<'a> {
     timing: &'a Microarchitecture,
     units: Vec<Unit>,
-    held: Rc<FinalPixels>,
+    held: Arc<FinalPixels>,
     /// Cycles for which each unit is occupied by its pixels.
     cycles: Vec<u64>,
     /// Cycles for which the only unit stalled for light, of pixels without reflections: occupied
@@ -1058,18 +1058,18 @@ pub struct FinalPixels {
 }
 
 impl FinalPixels {
-    pub fn new(work: &Work) -> Rc<Self> {
+    pub fn new(work: &Work) -> Self {
         let (texels, first_texels) = if work.mirrors {
             work.texels_of_pixels()
         } else {
             (Vec::new(), Vec::new())
         };
-        Rc::new(FinalPixels {
+        FinalPixels {
             pixels: work.held(),
             width: work.width,
             texels,
             first_texels,
-        })
+        }
     }
 
     /// Pixels in these columns and rows of the picture.
@@ -1092,7 +1092,7 @@ impl<'a> Resolve<'a> {
     /// For engine `nth`.
     pub fn new(
         timing: &'a Microarchitecture,
-        held: Rc<FinalPixels>,
+        held: Arc<FinalPixels>,
         detail: Detail,
         nth: u32,
     ) -> Self {

@@ -28,7 +28,7 @@
 //! drops the entries that have arrived, one per cycle. Raster skips stamps of which every pixel has
 //! stopped in no time; an entry without a remaining stamp takes it one cycle.
 
-use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
+use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS, apart};
 use super::parts::{
     Act, Fill, HELD, Link, Merge, SetupUnits, Stamp, TexelShade, Ticked, TickedUnit, light, places,
     resolve, resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
@@ -210,6 +210,8 @@ struct BinnedMachine<'a> {
     flushed: bool,
     listed_all: bool,
     sorted: bool,
+    /// All sorters have ended, which may be later than the beginning of the second pass.
+    sorters_ended: bool,
     sort: TickedUnit,
     /// Passes begun, start of the last one, bytes that it has moved, and the part in flight, to be
     /// read or written.
@@ -420,16 +422,16 @@ impl<'a> BinnedMachine<'a> {
                     .collect(),
             )
         };
-        let lists = tiles.iter().map(listed).collect();
+        let sorts_ahead = timing.sort.and_then(|sort| sort.sorter);
+        let lists = match sorts_ahead.is_some_and(|sorter| sorter.overlap) {
+            true => (queue(timing, &tiles).iter())
+                .map(|tile| listed(&tiles[*tile]))
+                .collect(),
+            false => tiles.iter().map(listed).collect(),
+        };
         let sorters = timing.sort.filter(|_| !scene.order.is_empty());
-        let sorters = sorters.and_then(|shape| {
-            Sorters::new(
-                shape,
-                t.memory.burst_bytes.into(),
-                entry_bytes(timing),
-                lists,
-            )
-        });
+        let sorters =
+            sorters.and_then(|shape| Sorters::new(shape, t.memory, entry_bytes(timing), lists));
         BinnedMachine {
             sorters,
             timing,
@@ -447,6 +449,7 @@ impl<'a> BinnedMachine<'a> {
             flushed: false,
             listed_all: false,
             sorted: false,
+            sorters_ended: false,
             sort: TickedUnit::new("sort", 1),
             passes: 0,
             begun: 0,
@@ -525,10 +528,11 @@ impl<'a> BinnedMachine<'a> {
     }
 
     fn place_of_list(&self, tile: usize) -> u64 {
+        let memory = &self.timing.timing.memory;
         if self.sorters.is_some() {
-            sorters::keyed(tile as u64)
+            sorters::keyed(memory, tile as u64)
         } else {
-            LISTS + tile as u64 * LIST_BYTES
+            LISTS + tile as u64 * apart(memory, LIST_BYTES)
         }
     }
 
@@ -594,7 +598,7 @@ impl<'a> BinnedMachine<'a> {
 
     fn sort_in_cycle(&mut self) {
         let now = self.now;
-        let is_time = self.listed_all && !self.sorted;
+        let is_time = self.listed_all && !self.sorters_ended;
         let Some(sorters) = &mut self.sorters else {
             self.move_part();
             turn(self, now, |m| &mut m.sort, Self::sort);
@@ -603,7 +607,9 @@ impl<'a> BinnedMachine<'a> {
         if !is_time {
             return sorters.idle(now);
         }
-        if sorters.tick(now, &mut self.memory) {
+        let overlap = sorters.overlap();
+        self.sorters_ended = sorters.tick(now, &mut self.memory);
+        if !self.sorted && (overlap || self.sorters_ended) {
             self.begin_second_pass();
         }
     }
@@ -700,7 +706,13 @@ impl<'a> BinnedMachine<'a> {
         loop {
             let next = &mut self.engines[e].next;
             if next.start == next.end {
-                let Some(tile) = self.queue.pop_front() else {
+                let is_sorted = |tile: &mut usize| match &self.sorters {
+                    Some(sorters) if sorters.overlap() => {
+                        sorters.complete.contains(&self.tiles[*tile].place)
+                    }
+                    _ => true,
+                };
+                let Some(tile) = self.queue.pop_front_if(is_sorted) else {
                     return Act::Starve;
                 };
                 self.engines[e].taken.push(tile);
@@ -730,7 +742,8 @@ impl<'a> BinnedMachine<'a> {
         let burst_of = |end: u64| end.div_ceil(burst_bytes);
         if burst_of(end) > burst_of(end - entry_bytes(self.timing)) {
             engine.burst = engine.reads.next();
-            let from = LISTS + tile * LIST_BYTES + (burst_of(end) - 1) * burst_bytes;
+            let list = LISTS + tile * apart(&self.timing.timing.memory, LIST_BYTES);
+            let from = list + (burst_of(end) - 1) * burst_bytes;
             self.memory.request(
                 self.now,
                 Requester::Lists,

@@ -586,6 +586,7 @@ fn sorted(kind: SortKind, sorter: Sorter, scene: &Scene) -> (u64, [u64; 2]) {
 #[test]
 fn a_list_that_fits_the_buffer_takes_its_formula() {
     let sorter = |buffer_entries, network| Sorter {
+        overlap: false,
         units: 1,
         buffer_entries,
         network,
@@ -625,6 +626,7 @@ fn a_list_that_fits_the_buffer_takes_its_formula() {
 #[test]
 fn a_list_that_does_not_fit_is_spilled() {
     let sorter = |bucket_bits| Sorter {
+        overlap: false,
         units: 1,
         buffer_entries: 256,
         network: 16,

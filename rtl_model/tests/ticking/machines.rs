@@ -86,6 +86,7 @@ pub fn sorting_lists(rng: &mut Rng, timing: Timing) -> Machine {
         buffer_entries,
         network,
         bucket_bits,
+        overlap: rng.below(2) == 0,
     });
     machine.timing.memory.burst_bytes = machine.timing.memory.burst_bytes.max(8);
     machine

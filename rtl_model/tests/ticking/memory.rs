@@ -25,6 +25,26 @@ pub const MAP: u64 = 6 << 40;
 /// Distance between two lists.
 pub const LIST_BYTES: u64 = 1 << 24;
 
+/// On memory with channels, each list begins one bank after the list before.
+pub fn apart(memory: &Description, bytes: u64) -> u64 {
+    let has_channels = memory.channels.unwrap_or(1) > 1
+        || memory.ranks.unwrap_or(1) > 1
+        || [
+            memory.bytes_per_cycle_permille,
+            memory.rank_switch_cycles,
+            memory.turnaround_cycles,
+            memory.row_cycles,
+            memory.four_rows_cycles,
+            memory.refresh_interval_cycles,
+        ]
+        .iter()
+        .any(|limit| limit.is_some_and(|limit| limit > 0));
+    match has_channels {
+        true => bytes + u64::from(memory.row_bytes) * u64::from(memory.channels.unwrap_or(1)),
+        false => bytes,
+    }
+}
+
 /// Completion cycle of a request: known once its bytes are moved.
 #[derive(Clone, Debug, Default)]
 pub struct Done(Rc<Cell<Option<u64>>>);

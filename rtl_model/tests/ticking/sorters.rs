@@ -7,12 +7,13 @@
 //! buffer, into which the last pass writes. The last pass stalls until everything before has been
 //! written.
 
-use super::memory::{Done, LIST_BYTES, LISTS, Memory, Requests};
+use super::memory::{Done, LIST_BYTES, LISTS, Memory, Requests, apart};
 use super::parts::TickedUnit;
 use rtl_model::elaboration::microarchitecture::SortShape;
 use rtl_model::elaboration::sorter::SorterShape;
+use rtl_model::machine::timing::Memory as Description;
 use rtl_model::timing::{Direction, Requester};
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::ops::Range;
 
 /// Address regions: lists with keys, at this distance; then two regions for merged lists, then the
@@ -23,8 +24,8 @@ const PLACES: u64 = 1 << 54;
 const OF_SORTER: u64 = 1 << 42;
 
 /// First address of a tile's list.
-pub fn keyed(tile: u64) -> u64 {
-    KEYED + APART * tile
+pub fn keyed(memory: &Description, tile: u64) -> u64 {
+    KEYED + apart(memory, APART) * tile
 }
 
 /// Writes consecutive entries to memory, in full bursts.
@@ -71,6 +72,8 @@ struct Piece {
     before: u64,
     last: u64,
     stores: Vec<Range<u64>>,
+    /// The tile whose list it completes.
+    completes: Option<u64>,
 }
 
 struct Sorter {
@@ -80,6 +83,8 @@ struct Sorter {
     loaded: Option<(Done, Piece)>,
     working: Option<Piece>,
     stored: Requests,
+    /// The tile whose list is complete once everything is stored.
+    completing: Option<u64>,
 }
 
 /// All sorters, and the lists that none has taken: each a tile and its keys in the order in which
@@ -88,18 +93,21 @@ pub struct Sorters {
     shape: SortShape,
     sorter: SorterShape,
     burst: u64,
+    memory: Description,
     /// Bytes of an entry without its key.
     stored_bytes: u64,
     sorters: Vec<Sorter>,
     pub units: Vec<TickedUnit>,
     lists: VecDeque<(u64, Vec<u32>)>,
     begun: bool,
+    /// Tiles whose lists are in memory.
+    pub complete: BTreeSet<u64>,
 }
 
 impl Sorters {
     pub fn new(
         shape: SortShape,
-        burst: u64,
+        memory: Description,
         stored_bytes: u64,
         lists: Vec<(u64, Vec<u32>)>,
     ) -> Option<Self> {
@@ -110,17 +118,25 @@ impl Sorters {
             loaded: None,
             working: None,
             stored: Requests::new(u32::MAX),
+            completing: None,
         };
         Some(Sorters {
             shape,
             sorter,
-            burst,
+            burst: memory.burst_bytes.into(),
+            memory,
             stored_bytes,
             sorters: (0..sorter.units).map(|_| one()).collect(),
             units: TickedUnit::each("sort", sorter.units),
             lists: lists.into(),
             begun: false,
+            complete: BTreeSet::new(),
         })
+    }
+
+    /// Whether tiles are drawn meanwhile.
+    pub fn overlap(&self) -> bool {
+        self.sorter.overlap
     }
 
     /// A cycle before all lists are written.
@@ -140,6 +156,7 @@ impl Sorters {
                 .working
                 .take_if(|piece| piece.before + piece.last == 0)
             {
+                sorter.completing = piece.completes.or(sorter.completing);
                 for bytes in piece.stores {
                     memory.request(
                         now,
@@ -155,6 +172,12 @@ impl Sorters {
             self.begin(nth, now);
             self.load(nth, now, memory);
             self.work(nth, now);
+        }
+        // The last pass of the next list waits until these are written.
+        for sorter in &mut self.sorters {
+            if sorter.completing.is_some() && sorter.stored.are_all_done(now) {
+                self.complete.extend(sorter.completing.take());
+            }
         }
         self.lists.is_empty() && self.sorters.iter_mut().all(|sorter| sorter.is_done(now))
     }
@@ -230,15 +253,18 @@ impl Sorters {
 
     fn plan(&self, tile: u64, keys: &[u32], sorter: u64) -> VecDeque<Piece> {
         let mut pieces = VecDeque::new();
-        let mut numbers = WriteStream::new(LISTS + LIST_BYTES * tile, self.burst);
+        let mut numbers =
+            WriteStream::new(LISTS + apart(&self.memory, LIST_BYTES) * tile, self.burst);
         let limit = self.sorter.buffer_entries as usize;
         match self.sorter.bucket_bits {
             Some(bits) if keys.len() > limit => {
-                let place = |bucket: u64| KEYED + 3 * PLACES + OF_SORTER * sorter + APART * bucket;
+                let place = |bucket: u64| {
+                    KEYED + 3 * PLACES + OF_SORTER * sorter + apart(&self.memory, APART) * bucket
+                };
                 let mut buckets: Vec<WriteStream> = (0..1 << bits)
                     .map(|bucket| WriteStream::new(place(bucket), self.burst))
                     .collect();
-                let mut loaded = keyed(tile);
+                let mut loaded = keyed(&self.memory, tile);
                 for (nth, some) in keys.chunks(limit / 2).enumerate() {
                     let is_last = nth == (keys.len() - 1) / (limit / 2);
                     let mut stores = Vec::new();
@@ -273,12 +299,15 @@ impl Sorters {
             }
             _ => self.sort(
                 tile,
-                keyed(tile),
+                keyed(&self.memory, tile),
                 keys.len(),
                 &mut numbers,
                 true,
                 &mut pieces,
             ),
+        }
+        if let Some(piece) = pieces.back_mut() {
+            piece.completes = Some(tile);
         }
         pieces
     }
@@ -302,7 +331,8 @@ impl Sorters {
         while 1 << rounds < sizes.len() {
             rounds += 1;
         }
-        let place = |round: u64| KEYED + (1 + round % 2) * PLACES + APART * tile;
+        let place =
+            |round: u64| KEYED + (1 + round % 2) * PLACES + apart(&self.memory, APART) * tile;
         let mut chunks = WriteStream::new(place(0), self.burst);
         let mut loaded = base;
         for (nth, size) in sizes.iter().enumerate() {
@@ -331,6 +361,7 @@ impl Sorters {
                 before,
                 last,
                 stores,
+                completes: None,
             });
             loaded = to;
         }
@@ -370,6 +401,7 @@ fn streaming(load: Range<u64>, entries: usize, is_last: bool, stores: Vec<Range<
         before: 0,
         last: entries,
         stores,
+        completes: None,
     }
 }
 

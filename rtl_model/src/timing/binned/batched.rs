@@ -13,7 +13,7 @@
 //! Law: `a_batched_replay_equals_single_replays`.
 
 use super::super::account::{Account, Detail, Unit};
-use super::super::stages::{FinalPixels, light, merges_of};
+use super::super::stages::{light, merges_of};
 use super::super::stamps::{Piece, Stamps, cuts};
 use super::{Engine, Listed, Lists, SecondPass, TileState};
 use crate::elaboration::microarchitecture::Microarchitecture;
@@ -21,7 +21,8 @@ use crate::elaboration::unit;
 use crate::kernels::host::{Kernel, vectorised};
 use crate::machine::timing::Organisation;
 use crate::num::lanes::{LANES, Lanes};
-use crate::timing::{Cycles, replay};
+use crate::timing::frame::Frame;
+use crate::timing::{Cycles, replay_on};
 use crate::work::{Footprint, TILE_PX, Work};
 use rayon::prelude::*;
 use std::array;
@@ -43,7 +44,10 @@ fn are_alike(one: &Microarchitecture, other: &Microarchitecture) -> bool {
 
 /// Whether a machine can be batched, for a frame without reflections and stops.
 fn can_be_batched(timing: &Microarchitecture) -> bool {
-    timing.timing.organisation == Organisation::Binned && timing.is_single() && !cuts(timing)
+    timing.timing.organisation == Organisation::Binned
+        && timing.is_single()
+        && !timing.overlaps_sort()
+        && !cuts(timing)
 }
 
 /// Smaller batches are not faster than single replays.
@@ -51,12 +55,17 @@ const FEWEST: usize = 4;
 
 /// Replays a frame on several machines. The cycles of each are those of a single replay.
 pub fn replay_all(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Cycles> {
-    let batches: Vec<Vec<usize>> = batches(timings, work, detail);
+    replay_frame(timings, &Frame::new(work), detail)
+}
+
+/// [`replay_all`], with what the replays of a frame share.
+pub fn replay_frame(timings: &[&Microarchitecture], frame: &Frame, detail: Detail) -> Vec<Cycles> {
+    let batches: Vec<Vec<usize>> = batches(timings, frame.work, detail);
     let of_batch = |batch: &Vec<usize>| -> Vec<(usize, Cycles)> {
         let machines: Vec<&Microarchitecture> = batch.iter().map(|nth| timings[*nth]).collect();
         let cycles = match machines[..] {
-            [one] => vec![replay(one, work, detail)],
-            _ => replay_batch(&machines, work, detail),
+            [one] => vec![replay_on(one, frame, detail)],
+            _ => replay_batch(&machines, frame, detail),
         };
         batch.iter().copied().zip(cycles).collect()
     };
@@ -95,9 +104,8 @@ fn batches(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<V
 }
 
 /// Replays a batch of at most eight machines.
-fn replay_batch(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Cycles> {
-    let lists = Lists::new(timings[0], work);
-    let held = FinalPixels::new(work);
+fn replay_batch(timings: &[&Microarchitecture], frame: &Frame, detail: Detail) -> Vec<Cycles> {
+    let (work, lists, held) = (frame.work, frame.lists(timings[0]), frame.held());
     let mut machines: Vec<BatchedMachine> = Vec::new();
     for t in timings {
         let written = machines

@@ -28,7 +28,7 @@ pub struct SearchedField {
 }
 
 /// Fields and values by default. Those that the machine's schema lacks are left out.
-const FIELDS: [(&str, &str); 39] = [
+const FIELDS: [(&str, &str); 40] = [
     (
         CLOCK,
         "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]",
@@ -54,6 +54,7 @@ const FIELDS: [(&str, &str); 39] = [
     ),
     ("timing.sort.network", "[1, 2, 4, 8, 16, 32]"),
     ("timing.sort.bucket_bits", "[2, 4, 6, 8]"),
+    ("timing.sort.overlap", "[false, true]"),
     (
         "timing.raster.lanes",
         "[[1, 1], [2, 1], [4, 1], [2, 2], [8, 1], [4, 2], [8, 2], [4, 4], [8, 4], [8, 8]]",
