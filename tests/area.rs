@@ -259,6 +259,27 @@ fn the_gates_are_those_of_the_book() {
     );
 }
 
+/// Areas of published machines, with the square micrometres of `tests/programs/published.rs`: within
+/// 15 % of what their authors report.
+#[test]
+fn areas_of_published_machines_are_near_the_published_ones() {
+    let gates = |name: &str| {
+        let machine = machines::load(name, &[]).unwrap();
+        Cost::new(&fixed::elaborate(&machine).unwrap(), &DEFAULT).gates
+    };
+    for (name, square_mm) in [("gscore", 3.9), ("flicker", 3.47)] {
+        let gates = gates(name);
+        let model = ((gates.logic + gates.flip_flops) * 0.5 + gates.sram_kbit * 1e3 * 0.3) / 1e6;
+        assert!(
+            (0.85..1.15).contains(&(model / square_mm)),
+            "{name}: {model} mm²"
+        );
+    }
+    let nycu = gates("nycu");
+    let ratio = (nycu.logic + nycu.flip_flops) / 1.1438e6;
+    assert!((0.85..1.15).contains(&ratio), "{ratio}");
+}
+
 /// Maps the smallest units again: their ratios are in the range of the book's table.
 fn small_units_are_in_the_range(script: &str, mark: &str, more: &[&str]) {
     if !have(&["yosys"], "synthesis of small units") {

@@ -822,7 +822,10 @@ fn the_listed_machines_can_be_shown_as_machine_files() {
             "window",
             "volume",
             "gaussian",
-            "fp16"
+            "fp16",
+            "gscore",
+            "flicker",
+            "nycu"
         ]
     );
     let folder = folder();

@@ -585,6 +585,71 @@ fn an_answer_is_what_the_run_with_it_says() {
     }
 }
 
+/// A frame that is recorded for `--what-if` has what other tests of tiles and other sorts need:
+/// the result for each is that of a run with it.
+#[test]
+fn an_answer_about_lists_is_what_the_run_with_it_says() {
+    let (scene, out) = (MADE.text("city.json"), MADE.text("lists"));
+    let text = json!({"splats": {"gaussians": "city", "count": 20000}, "camera": {"eye": [0, 0.3, 3.95], "target": [0, 0.32, 0]}});
+    std::fs::write(&scene, text.to_string()).unwrap();
+    let run = |more: &[&str]| {
+        let common = [
+            "run",
+            &scene,
+            "--machine",
+            "gaussian",
+            "--size",
+            "96x64",
+            "--check",
+            "none",
+            "--quiet",
+            "--out",
+            &out,
+        ];
+        says(&[&common, more].concat());
+        json_of(&MADE.path("lists/report.json"))
+    };
+    // Memory and drawing take no time, so lists are what counts.
+    let fast = [
+        "--set",
+        "timing.memory.bytes_per_cycle=4",
+        "--set",
+        "timing.raster.lanes=[8, 8]",
+        "--set",
+        "timing.sort.units=2",
+        "--set",
+        "sort.kind=tile",
+    ];
+    let answered = run(&[&fast[..], &["--what-if"]].concat());
+    let answers = &answered["answers"];
+    let best = answers["best"].as_array().unwrap();
+    let of_lists: Vec<&Value> = (best.iter())
+        .filter(|answer| {
+            let field = answer["field"].as_str().unwrap();
+            field.starts_with("bin.")
+                || field.starts_with("sort.")
+                || field == "timing.sort.overlap"
+        })
+        .collect();
+    assert!(!of_lists.is_empty(), "{best:?}");
+    for answer in of_lists {
+        let setting = format!("{}={}", answer["field"].as_str().unwrap(), answer["to"]);
+        let alone = run(&[&fast[..], &["--set", &setting]].concat());
+        for (figure, pointer) in [
+            ("cycles", "/cycles/total"),
+            ("bytes", "/cycles/memory/bytes"),
+            ("area", "/cost/area"),
+            ("energy", "/cost/energy/total"),
+        ] {
+            assert_eq!(
+                &answer[figure],
+                alone.pointer(pointer).unwrap(),
+                "{setting}"
+            );
+        }
+    }
+}
+
 /// Bandwidth and bursts have no unit cost. The frame is faster with them, and each such result is
 /// marked.
 #[test]

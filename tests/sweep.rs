@@ -127,6 +127,75 @@ fn summary_is_labelled(told: &str, rows: &[BTreeMap<String, String>]) {
     );
 }
 
+/// Tests of tiles and kinds of sort do not change a picture, so their points share a frame. Each
+/// has the cycles of a run of its own, also behind a point whose machine cannot be built.
+#[test]
+fn points_that_differ_only_in_their_lists_share_a_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = json!({"splats": {"gaussians": "city", "count": 800}, "camera": {"eye": [0, 0.3, 3.95], "target": [0, 0.32, 0]}});
+    fs::write(folder.path().join("city.json"), scene.to_string()).unwrap();
+    let changes = [
+        ("bin.subtile_px", json!(8)),
+        ("sort.kind", json!("hierarchical")),
+        ("bin.test", json!("ellipse")),
+        ("sort.kind", json!("tile")),
+        ("bin.test", json!("oriented-box")),
+        ("timing.clock_hz", json!(1_000_000_000_000_u64)),
+    ];
+    let axes = changes
+        .each_ref()
+        .map(|(field, value)| json!({"field": field, "values": [value]}));
+    let plan = json!({"scenes": ["city.json"], "size": [48, 32], "machine": "gaussian", "order": "one-at-a-time", "axes": axes});
+    let (path, out) = (folder.path().join("plan.json"), folder.path().join("out"));
+    fs::write(&path, plan.to_string()).unwrap();
+    ok(&sweep(path.to_str().unwrap(), &out, &[]));
+    let rows = rows(&out);
+    let mut cycles = Vec::new();
+    for row in &rows {
+        let changed = row["changes"].as_str();
+        if changed.starts_with("bin.subtile_px") || changed.starts_with("timing.clock_hz") {
+            let reason = changed.split('=').next().unwrap();
+            assert!(row["misfit"].contains(reason), "{row:?}");
+            continue;
+        }
+        assert_eq!(row["misfit"], "", "{row:?}");
+        let run_out = folder.path().join("run");
+        let settings = (changed.split(' ').filter(|change| !change.is_empty()))
+            .flat_map(|change| ["--set", change]);
+        let scene = folder.path().join("city.json");
+        let run = splatsim()
+            .args(["run", scene.to_str().unwrap(), "--machine", "gaussian"])
+            .args(["--size", "48x32", "--out", run_out.to_str().unwrap()])
+            .args(settings)
+            .output()
+            .unwrap();
+        ok(&run);
+        let report = fs::read_to_string(run_out.join("report.json")).unwrap();
+        let report: Value = serde_json::from_str(&report).unwrap();
+        for (column, pointer) in [
+            ("cycles", "/cycles/total"),
+            ("memory_bytes", "/cycles/memory/bytes"),
+            ("bottleneck", "/cycles/bottleneck"),
+            ("area", "/cost/area"),
+            ("psnr_db", "/accuracy/fixed_vs_golden/psnr_db"),
+        ] {
+            let said = report.pointer(pointer).unwrap();
+            let said = said
+                .as_str()
+                .map_or_else(|| said.to_string(), str::to_owned);
+            assert_eq!(row[column], said, "{column} of {changed}");
+        }
+        cycles.push(row["cycles"].clone());
+    }
+    assert_eq!(cycles.len(), 5, "{rows:?}");
+    cycles.sort_unstable();
+    cycles.dedup();
+    assert!(
+        cycles.len() >= 4,
+        "the lists make no difference: {cycles:?}"
+    );
+}
+
 #[test]
 fn a_row_says_what_a_run_says() {
     let folder = tempfile::tempdir().unwrap();

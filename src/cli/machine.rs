@@ -136,6 +136,9 @@ fn list() -> Result<String> {
         "draws ellipsoids too, sheet by sheet",
         "the same, sorted: trained Gaussians",
         "the same in half precision",
+        "after GSCore (ASPLOS 2024)",
+        "after FLICKER (DATE 2026)",
+        "after NYCU's chip (TVCG 2026)",
     ];
     let mut table = plain_table(&["machine", "widest operand", "fragment", ""]);
     for (machine, description) in Machine::names()

@@ -1,5 +1,5 @@
-//! Answers: what-if analysis of a frame. Which fields of `timing`, each changed alone, make the
-//! drawn frame faster (docs/book/timing-explore.md)?
+//! Answers: what-if analysis of a frame. Which fields of `timing`, or of the lists of tiles, each
+//! changed alone, make the drawn frame faster (docs/book/timing-explore.md)?
 //!
 //! ```text
 //! timing with all defaults filled in ─► every field doubled, or halved ─► elaborates? ─► replay ─► frames/s, area, energy ─► the best
@@ -20,8 +20,9 @@ use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::sorter::SorterShape;
 use rtl_model::machine::timing::{Colour, Organisation, Queue, Sorter, Timing};
+use rtl_model::machine::{BinTest, MaskMaker, SortKind};
 use rtl_model::pipeline::Elaborated;
-use rtl_model::timing::{self, Cycles, Detail};
+use rtl_model::timing::{Cycles, Detail, Frame};
 use rtl_model::work::Work;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -83,8 +84,9 @@ pub struct Answer {
 
 impl Answers {
     /// Results for a machine that took these cycles for this work.
-    pub fn new(machine: &Elaborated, work: &Work, cycles: &Cycles, prices: &Prices) -> Self {
-        let all = candidates(machine);
+    pub fn new(machine: &Elaborated, frame: &Frame, cycles: &Cycles, prices: &Prices) -> Self {
+        let mut all = candidates(machine);
+        all.extend(candidates_of_lists(&machine.machine, frame.work));
         let before = CostReport::new(machine, cycles, prices).cost.area;
         let built: Vec<(&Candidate, Elaborated)> = all
             .par_iter()
@@ -120,7 +122,7 @@ impl Answers {
         };
         let mut answers: Vec<Answer> = built
             .iter()
-            .zip(timing::replay_all(&timings, work, Detail::Accounts))
+            .zip(frame.replay_all(&timings, Detail::Accounts))
             .map(answer)
             .collect();
         let tried = answers.len() as u64;
@@ -165,7 +167,7 @@ impl Answers {
         };
         if self.best.is_empty() && self.given.is_empty() {
             return wrapped(&format!(
-                "answers: none of {tried} of one field of timing makes the frame faster by 0.1%{refused}"
+                "answers: none of {tried} of one field makes the frame faster by 0.1%{refused}"
             ));
         }
         let mut table = plain_table(&[
@@ -332,6 +334,47 @@ fn candidates(machine: &Elaborated) -> Vec<Candidate> {
                 to,
             }));
         }
+    }
+    all
+}
+
+/// Every change of the test of tiles, of masks and of the sort that a record has the words for.
+fn candidates_of_lists(machine: &Machine, work: &Work) -> Vec<Candidate> {
+    if machine.timing.organisation != Organisation::Binned {
+        return Vec::new();
+    }
+    let candidate = |field: &str, from: Value, to: Value| Candidate {
+        field: field.to_owned(),
+        from,
+        to,
+    };
+    let mut all = Vec::new();
+    let mut choices = |field: &str, from: Value, choices: &[Value]| {
+        let others = choices.iter().filter(|to| **to != from);
+        all.extend(others.map(|to| candidate(field, from.clone(), to.clone())));
+    };
+    let bin = machine.bin.unwrap_or_default();
+    if !work.tested.is_empty() {
+        let tests = [BinTest::Box, BinTest::OrientedBox, BinTest::Ellipse];
+        choices("bin.test", json!(bin.test), &tests.map(|test| json!(test)));
+        if bin.test != BinTest::Box {
+            let sides = [Value::Null, json!(4), json!(8), json!(16)];
+            choices("bin.subtile_px", json!(bin.subtile_px), &sides);
+        }
+        if bin.subtile_px.is_some() {
+            let makers = [MaskMaker::Bin, MaskMaker::List].map(|made| json!(made));
+            choices("bin.masks", json!(bin.masks.unwrap_or_default()), &makers);
+            let tests = bin.mask_tests.unwrap_or(1);
+            let twice = json!(tests.saturating_mul(2));
+            choices("bin.mask_tests", json!(tests), &[twice]);
+        }
+    }
+    if let Some(sort) = machine.sort.filter(|_| !work.order.is_empty()) {
+        let mut kinds = vec![json!(SortKind::Radix), json!(SortKind::Tile)];
+        if work.keys.len() == work.order.len() {
+            kinds.push(json!(SortKind::Hierarchical));
+        }
+        choices("sort.kind", json!(sort.kind), &kinds);
     }
     all
 }

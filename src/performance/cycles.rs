@@ -10,8 +10,8 @@ use crate::output::chart::{Axis, Bars, Mark, Panel, Series, Shape};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{
-    self, Cycles, Direction, Limit, Limited, REQUESTERS, Request, Requester, Share, TileCycles,
-    Tiles, Wait,
+    self, Cycles, Direction, Frame, Limit, Limited, REQUESTERS, Request, Requester, Share,
+    TileCycles, Tiles, Wait,
 };
 use rtl_model::work::Work;
 use schemars::JsonSchema;
@@ -194,9 +194,14 @@ impl CyclesReport {
         CyclesReport::limited(timing, cycles, timing::limit(timing, work, cycles))
     }
 
-    /// Reports of replays of this work on several machines.
-    pub fn all(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Self> {
-        let limits = timing::limits(frames, work);
+    /// Report of a replay of a frame.
+    pub fn on(timing: &Microarchitecture, frame: &Frame, cycles: &Cycles) -> Self {
+        CyclesReport::limited(timing, cycles, frame.limit(timing, cycles))
+    }
+
+    /// Reports of replays of a frame on several machines.
+    pub fn all(frames: &[(&Microarchitecture, &Cycles)], frame: &Frame) -> Vec<Self> {
+        let limits = frame.limits(frames);
         frames
             .iter()
             .zip(limits)

@@ -29,7 +29,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::BinWords;
 use rtl_model::machine::SortKind;
 use rtl_model::num::Word;
-use rtl_model::timing::{self, Detail};
+use rtl_model::timing::{Detail, Frame};
 use rtl_model::work::{TestedWords, Work};
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -296,12 +296,13 @@ impl Recording {
         } else {
             Detail::Histograms
         };
-        let cycles = timing::replay(&elaborated.timing, &self.work, detail);
-        let report = CyclesReport::new(&elaborated.timing, &self.work, &cycles);
-        let answers = answers.then(|| Answers::new(&elaborated, &self.work, &cycles, prices));
+        let frame = Frame::new(&self.work);
+        let cycles = frame.replay(&elaborated.timing, detail);
+        let report = CyclesReport::on(&elaborated.timing, &frame, &cycles);
+        let answers = answers.then(|| Answers::new(&elaborated, &frame, &cycles, prices));
         let cost = CostReport::new(&elaborated, &cycles, prices);
         let requests = requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
-        let timings = variants.map(|variants| Timings::new(&variants, &self.work));
+        let timings = variants.map(|variants| Timings::new(&variants, &frame));
         Ok(Replayed {
             cycles: report,
             timings,

@@ -17,8 +17,7 @@ use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::Walk;
-use rtl_model::timing::{self, Cycles, Detail};
-use rtl_model::work::Work;
+use rtl_model::timing::{Cycles, Detail, Frame};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::str::FromStr;
@@ -211,12 +210,12 @@ pub struct TimingRow {
 }
 
 impl Timings {
-    /// Replays a frame's work on all variants.
-    pub fn new(variants: &Variants, work: &Work) -> Self {
+    /// Replays a frame on all variants.
+    pub fn new(variants: &Variants, frame: &Frame) -> Self {
         let replayed: Vec<Cycles> = variants
             .machines
             .par_iter()
-            .map(|(_, machine)| timing::replay(machine, work, Detail::Histograms))
+            .map(|(_, machine)| frame.replay(machine, Detail::Histograms))
             .collect();
         let frames: Vec<_> = variants
             .machines
@@ -233,7 +232,7 @@ impl Timings {
         Timings {
             path: variants.paths.join(", "),
             rows: values
-                .zip(CyclesReport::all(&frames, work))
+                .zip(CyclesReport::all(&frames, frame))
                 .map(row)
                 .collect(),
         }

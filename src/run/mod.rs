@@ -36,7 +36,7 @@ use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::{Accuracy, Distances, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::{Scene, memory};
 use rtl_model::Machine;
-use rtl_model::timing::{self, Detail};
+use rtl_model::timing::{Detail, Frame};
 use rtl_model::work::Work;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -157,7 +157,9 @@ pub fn run(
 ) -> Result<RunResult> {
     memory::check_frame(scene)?;
     let attributed = options.attribution;
-    let elaborated = fixed::elaborate(machine)?;
+    let mut elaborated = fixed::elaborate(machine)?;
+    elaborated.records_choices = options.answers;
+    let elaborated = elaborated;
     let (evaluation, quantise_seconds) = timed(|| Evaluation::on(scene, &elaborated));
     let evaluation = evaluation?;
     let scene = &*evaluation.scene;
@@ -176,15 +178,16 @@ pub fn run(
         Detail::Histograms
     };
     let replay = || {
-        let (cycles, seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
+        let frame = Frame::new(&work);
+        let (cycles, seconds) = timed(|| frame.replay(&elaborated.timing, detail));
         let timings = options
             .timings
             .as_ref()
-            .map(|variants| Timings::new(variants, &work));
+            .map(|variants| Timings::new(variants, &frame));
         let answers = options
             .answers
-            .then(|| Answers::new(&elaborated, &work, &cycles, &options.prices));
-        let report = CyclesReport::new(&elaborated.timing, &work, &cycles);
+            .then(|| Answers::new(&elaborated, &frame, &cycles, &options.prices));
+        let report = CyclesReport::on(&elaborated.timing, &frame, &cycles);
         (cycles, report, seconds, timings, answers)
     };
     let (golden, golden_seconds) = timed(|| evaluation.golden());

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 mod named;
+mod published;
 pub mod timing;
 
 /// A whole machine.

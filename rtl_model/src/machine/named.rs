@@ -3,7 +3,7 @@
 use super::{
     Colour, Ellipse, Ellipsoid, Fragment, FragmentDepth, FunctionUnit, Gauss, Group, Interpolation,
     Machine, Merge, Project, Raster, Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat,
-    TableShape, Window, timing,
+    TableShape, Window, published, timing,
 };
 use crate::num::{Format, Overflow, Rounding, Word};
 
@@ -18,6 +18,9 @@ impl Machine {
             "volume" => Some(volume()),
             "gaussian" => Some(gaussian()),
             "fp16" => Some(fp16()),
+            "gscore" => Some(published::gscore()),
+            "flicker" => Some(published::flicker()),
+            "nycu" => Some(published::nycu()),
             _ => None,
         }
     }
@@ -35,6 +38,7 @@ impl Machine {
             .into_iter()
             .chain(Self::WINDOW_NAMES)
             .chain(Self::ELLIPSOID_NAMES)
+            .chain(Self::PUBLISHED_NAMES)
     }
 }
 
@@ -568,7 +572,7 @@ fn volume() -> Machine {
 
 /// For trained Gaussians: `volume` with a sort by depth, the cutoff of Gaussians, and smaller boxes
 /// for low opacities.
-fn gaussian() -> Machine {
+pub(super) fn gaussian() -> Machine {
     let base = volume();
     let ellipsoid = base.ellipse.ellipsoid.map(|ellipsoid| Ellipsoid {
         reach_bits: Some(7),
@@ -629,7 +633,7 @@ const fn half(word: Word) -> Word {
 
 /// `gaussian` in half precision. Pixels, depths of fragments, keys, boxes, the registers of the
 /// raster and indices of tables are in fixed point.
-fn fp16() -> Machine {
+pub(super) fn fp16() -> Machine {
     let base = gaussian();
     let Machine {
         splat,

@@ -49,6 +49,9 @@ pub struct Elaborated {
     pub resolve: resolve::Resolve,
     /// The microarchitecture.
     pub timing: Microarchitecture,
+    /// Whether recorded work has the words and keys that other tests of tiles and other kinds of
+    /// sort depend on, even if this machine needs none of them; not set by elaboration.
+    pub records_choices: bool,
 }
 
 impl Elaborated {
@@ -175,6 +178,7 @@ impl Machine {
             resolve,
             emission,
             timing,
+            records_choices: false,
             machine: self.clone(),
             signals: std::mem::take(&mut e.signals),
             parts: std::mem::take(&mut e.parts),

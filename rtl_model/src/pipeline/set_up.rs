@@ -204,7 +204,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
     if P::WORK && frame.surroundings.is_some() {
         probe.mirrors();
     }
-    if P::WORK && machine.timing.bin.is_some() {
+    if P::WORK && (machine.timing.bin.is_some() || machine.records_choices) {
         probe.tested(whole.tested(), frame.view.cutoff);
     }
     if let (Some(sort), true) = (
@@ -216,10 +216,8 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
     ) {
         whole.sort(
             sort,
-            machine
-                .machine
-                .sort
-                .is_some_and(|sort| sort.kind == SortKind::Hierarchical),
+            machine.records_choices
+                || (machine.machine.sort).is_some_and(|sort| sort.kind == SortKind::Hierarchical),
             probe,
         );
     }

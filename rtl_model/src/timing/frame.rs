@@ -9,8 +9,11 @@
 //! [`SHAPES`] shapes are kept.
 
 use super::binned::Lists;
+use super::binned::batched::replay_frame;
+use super::limit::{Limit, limit_on, limits_on};
 use super::stages::FinalPixels;
 use super::stops::StopMap;
+use super::{Cycles, Detail, replay_on};
 use crate::elaboration::masks::Masks;
 use crate::elaboration::microarchitecture::{BinWords, Microarchitecture};
 use crate::work::Work;
@@ -40,6 +43,26 @@ impl<'w> Frame<'w> {
             stops: OnceLock::new(),
             held: OnceLock::new(),
         }
+    }
+
+    /// [`replay`](super::replay) of this frame.
+    pub fn replay(&self, timing: &Microarchitecture, detail: Detail) -> Cycles {
+        replay_on(timing, self, detail)
+    }
+
+    /// [`replay_all`](super::replay_all) of this frame.
+    pub fn replay_all(&self, timings: &[&Microarchitecture], detail: Detail) -> Vec<Cycles> {
+        replay_frame(timings, self, detail)
+    }
+
+    /// [`limit`](super::limit()) of this frame.
+    pub fn limit(&self, timing: &Microarchitecture, cycles: &Cycles) -> Limit {
+        limit_on(timing, self, cycles)
+    }
+
+    /// [`limits`](super::limits) of this frame.
+    pub fn limits(&self, frames: &[(&Microarchitecture, &Cycles)]) -> Vec<Limit> {
+        limits_on(frames, self)
     }
 
     /// Lists of a machine.

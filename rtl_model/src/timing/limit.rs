@@ -54,7 +54,12 @@ pub struct Limit {
 /// The limit of a frame with these cycles. For equal gains, the first in the order of the diagram,
 /// then hazards, then memory; if no single limit gains anything, the busiest unit.
 pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit {
-    let frame = Frame::new(work);
+    limit_on(timing, &Frame::new(work), cycles)
+}
+
+/// [`limit`], with what the replays of a frame share.
+pub(super) fn limit_on(timing: &Microarchitecture, frame: &Frame, cycles: &Cycles) -> Limit {
+    let work = frame.work;
     let mut search = LimitSearch::new(timing, work, cycles);
     // The first pass and the sort, for units behind them.
     let mut listed = None;
@@ -65,9 +70,9 @@ pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit 
         let cycles = if is_behind {
             let lists = frame.lists(timing);
             let listed = listed.get_or_insert_with(|| Listed::new(timing, work, &lists, detail));
-            listed.clone().draw(&lifted, &frame, &lists, detail)
+            listed.clone().draw(&lifted, frame, &lists, detail)
         } else {
-            replay_on(&lifted, &frame, detail)
+            replay_on(&lifted, frame, detail)
         };
         search.tried(cycles.total);
     }
@@ -76,10 +81,14 @@ pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit 
 
 /// [`limit`] for several machines, with batched replays.
 pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limit> {
-    let frame = Frame::new(work);
+    limits_on(frames, &Frame::new(work))
+}
+
+/// [`limits`], with what the replays of a frame share.
+pub(super) fn limits_on(frames: &[(&Microarchitecture, &Cycles)], frame: &Frame) -> Vec<Limit> {
     let mut searches: Vec<LimitSearch> = frames
         .iter()
-        .map(|(timing, cycles)| LimitSearch::new(timing, work, cycles))
+        .map(|(timing, cycles)| LimitSearch::new(timing, frame.work, cycles))
         .collect();
     loop {
         let (mut tried, mut lifted) = (Vec::new(), Vec::new());
@@ -91,7 +100,7 @@ pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limi
         if lifted.is_empty() {
             return searches.iter().map(LimitSearch::found).collect();
         }
-        let totals = replay_frame(&lifted.iter().collect::<Vec<_>>(), &frame, Detail::Total);
+        let totals = replay_frame(&lifted.iter().collect::<Vec<_>>(), frame, Detail::Total);
         tried
             .into_iter()
             .zip(totals)

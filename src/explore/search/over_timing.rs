@@ -132,7 +132,9 @@ struct Recorded {
 impl Recorded {
     fn new(member: &Member, machine: &Machine) -> Result<Self> {
         let Member { name, scene } = member;
-        let evaluation = Evaluation::new(scene, machine)?;
+        let mut elaborated = fixed::elaborate(machine)?;
+        elaborated.records_choices = true;
+        let evaluation = Evaluation::on(scene, &elaborated)?;
         let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
         Ok(Recorded {
             name: name.clone(),

@@ -33,8 +33,9 @@ use crate::scene::{Camera, Scene};
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
+use rtl_model::machine::Sort;
 use rtl_model::pipeline::Elaborated;
-use rtl_model::timing::{self, Cycles, Detail};
+use rtl_model::timing::{Cycles, Detail, Frame};
 use rtl_model::work::Work;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
@@ -100,10 +101,22 @@ impl Point {
         })
     }
 
-    /// Everything that a frame depends on: the machine without its timing, and its exact parts.
+    /// Everything that a frame depends on: the machine without its timing, without the test of its
+    /// lists and the kind of its sort, and its exact parts.
     fn formats(&self, points: &Points) -> String {
+        let base = &points.base;
+        let same_kind = |sort: Sort| match base.sort {
+            Some(of_base) => Sort {
+                kind: of_base.kind,
+                digit_bits: of_base.digit_bits,
+                ..sort
+            },
+            None => sort,
+        };
         let machine = Machine {
-            timing: points.base.timing,
+            timing: base.timing,
+            bin: base.bin,
+            sort: self.machine.sort.map(same_kind),
             ..self.machine.clone()
         };
         json!([machine, plan::exact_of(&self.changes)]).to_string()
@@ -129,7 +142,7 @@ pub struct Stage {
 /// A frame, or why its machine cannot draw it.
 type Framed = std::result::Result<DrawnFrame, String>;
 
-/// Points that differ only in timing, with the rows of the first ones.
+/// Points with the same frame, with the rows of the first ones.
 struct Begun<'a> {
     rows: Vec<(u64, Row)>,
     frame: Arc<Framed>,
@@ -232,7 +245,7 @@ impl Stage {
 
     /// The frames of some groups, each with the rows of its first points.
     fn begun<'a>(&self, groups: &'a [Vec<Point>], most: usize) -> Vec<Begun<'a>> {
-        let golden = |group: &Vec<Point>| self.golden_of(&group[0].machine);
+        let golden = |group: &Vec<Point>| self.golden_of(&drawn_by(group).machine);
         let begin = |group: &'a Vec<Point>, frame: &dyn Fn() -> Arc<Framed>| {
             let (frame, seconds) = timed(frame);
             let (seconds, (first, rest)) = (
@@ -250,7 +263,7 @@ impl Stage {
             // Other threads may draw the rest of it.
             let frame = || {
                 self.frames.get(&group[0].formats(&self.points), || {
-                    self.frame(&group[0], &golden(group))
+                    self.frame(drawn_by(group), &golden(group))
                 })
             };
             return vec![begin(group, &frame)];
@@ -259,11 +272,11 @@ impl Stage {
         let groups: Vec<_> = groups.iter().map(|group| (group, golden(group))).collect();
         groups
             .par_iter()
-            .map(|(group, golden)| begin(group, &|| Arc::new(self.frame(&group[0], golden))))
+            .map(|(group, golden)| begin(group, &|| Arc::new(self.frame(drawn_by(group), golden))))
             .collect()
     }
 
-    /// Groups points that differ only in timing.
+    /// Groups points with the same frame.
     fn groups(&self, numbers: &[u64]) -> Result<Vec<Vec<Point>>> {
         let mut groups: Vec<Vec<Point>> = Vec::new();
         let mut places = BTreeMap::new();
@@ -309,7 +322,7 @@ impl Stage {
         })
     }
 
-    /// The rows of points that differ only in timing, with the seconds of their frame per point.
+    /// The rows of points with the same frame, with the seconds of their frame per point.
     fn rows(&self, group: &[Point], frame: &Framed, frame_seconds: f64) -> Vec<(u64, Row)> {
         let (found, seconds) = timed(|| match frame {
             Ok(drawn) => drawn.on(
@@ -317,7 +330,9 @@ impl Stage {
                 &self.prices,
                 &self.replays,
             ),
-            Err(sentence) => group.iter().map(|_| Err(sentence.clone())).collect(),
+            Err(sentence) => (group.iter())
+                .map(|point| Err(misfit(point).unwrap_or_else(|| sentence.clone())))
+                .collect(),
         });
         let base = machines::value(&self.points.base);
         let fields = self.points.columns();
@@ -386,8 +401,10 @@ impl Stage {
         machine: &Machine,
         golden: &GoldenPicture,
     ) -> std::result::Result<DrawnFrame, String> {
+        let mut elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
+        elaborated.records_choices = true;
         let evaluation =
-            Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
+            Evaluation::on(&self.scene, &elaborated).map_err(|error| error.to_string())?;
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
         let frame = FrameFindings {
             overflows: observed.overflows(),
@@ -509,6 +526,18 @@ impl Stage {
     }
 }
 
+/// Why the machine of a point cannot be built, if it cannot.
+fn misfit(point: &Point) -> Option<String> {
+    let failed = fixed::elaborate(&point.machine).err();
+    failed.map(|error| error.to_string())
+}
+
+/// The point whose machine draws the frame of a group: the first that can be built, if any.
+fn drawn_by(group: &[Point]) -> &Point {
+    let can_draw = group.iter().find(|point| misfit(point).is_none());
+    can_draw.unwrap_or(&group[0])
+}
+
 /// Draws a scene from each camera except the first, lazily.
 fn frames<T>(
     scene: &Scene,
@@ -621,9 +650,10 @@ impl Replays {
             }
         }
         let new: Vec<&Microarchitecture> = new.into_iter().map(|nth| timings[nth]).collect();
-        let units = timing::replay_all(&new, work, Detail::Accounts);
+        let frame = Frame::new(work);
+        let units = frame.replay_all(&new, Detail::Accounts);
         let frames: Vec<_> = new.iter().copied().zip(&units).collect();
-        let reports = CyclesReport::all(&frames, work);
+        let reports = CyclesReport::all(&frames, &frame);
         let replayed: Vec<(Cycles, CyclesReport)> = units.into_iter().zip(reports).collect();
 
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);

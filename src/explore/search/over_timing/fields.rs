@@ -28,7 +28,7 @@ pub struct SearchedField {
 }
 
 /// Fields and values by default. Those that the machine's schema lacks are left out.
-const FIELDS: [(&str, &str); 40] = [
+const FIELDS: [(&str, &str); 45] = [
     (
         CLOCK,
         "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]",
@@ -37,6 +37,11 @@ const FIELDS: [(&str, &str); 40] = [
     ("timing.project.units", "[1, 2, 4]"),
     ("timing.project.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16]"),
     ("timing.project.multipliers", "[null, 1]"),
+    ("bin.test", "[\"box\", \"oriented-box\", \"ellipse\"]"),
+    ("bin.subtile_px", "[null, 4, 8, 16]"),
+    ("bin.masks", "[null, \"bin\", \"list\"]"),
+    ("bin.mask_tests", "[null, 1, 2, 4, 8]"),
+    ("sort.kind", "[\"radix\", \"tile\", \"hierarchical\"]"),
     ("timing.project.fifo", "[1, 2, 4, 8, 16]"),
     ("timing.ellipse.units", "[1, 2, 4]"),
     (
@@ -89,12 +94,29 @@ const FIELDS: [(&str, &str); 40] = [
     ("timing.memory.outstanding", "[1, 2, 4, 8, 16, 32, 64]"),
 ];
 
+/// Fields outside of `timing` that do not change a picture either.
+const LISTS: [&str; 7] = [
+    "bin.test",
+    "bin.subtile_px",
+    "bin.masks",
+    "bin.mask_tests",
+    "sort.kind",
+    "sort.tile_bits",
+    "sort.digit_bits",
+];
+
 /// The default fields that a machine has, with their values.
 pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
     let value = machines::value(machine);
     let unused: &[&str] = match machine.timing.organisation {
         Organisation::Binned => &["timing.cache"],
-        Organisation::Immediate => &["timing.tile", "timing.engines", "timing.queue"],
+        Organisation::Immediate => &[
+            "timing.tile",
+            "timing.engines",
+            "timing.queue",
+            "bin",
+            "sort",
+        ],
     };
     let kind = machine.sort.map_or(SortKind::Radix, |sort| sort.kind);
     // The fields of a unit for colours, or of a sorter, may be absent even if the machine has the
@@ -102,6 +124,7 @@ pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
     let place = |unit: &str| match unit {
         "timing.colour" => "/colour".to_owned(),
         "timing.sort" if kind != SortKind::Radix => "/sort".to_owned(),
+        "bin" => "/timing".to_owned(),
         _ => machines::pointer(unit),
     };
     let has = |unit: &str| {
@@ -204,7 +227,7 @@ pub fn read(path: &Path) -> Result<Vec<SearchedField>> {
 
 fn check(fields: &[SearchedField]) -> std::result::Result<(), String> {
     for (nth, SearchedField { field, values }) in fields.iter().enumerate() {
-        if !field.starts_with("timing.") {
+        if !(field.starts_with("timing.") || LISTS.contains(&field.as_str())) {
             return Err(format!(
                 "{field} is not a field of timing; --target-psnr searches words"
             ));
