@@ -170,15 +170,16 @@ impl Answers {
                 "answers: none of {tried} of one field makes the frame faster by 0.1%{refused}"
             ));
         }
-        let mut table = plain_table(&[
+        let header = [
             "one field changed",
             "from",
             "to",
-            "frames/s",
             "faster",
             "area",
-            "energy mJ",
-        ]);
+            "frames/s",
+            "mJ",
+        ];
+        let mut rows = Vec::new();
         for Answer {
             field,
             from,
@@ -196,16 +197,27 @@ impl Answers {
             } else {
                 field.clone()
             };
-            table.add_row([
+            rows.push([
                 field,
-                from.to_string(),
-                to.to_string(),
-                format!("{frames_per_second:.1}"),
+                text(from),
+                text(to),
                 percent(*faster),
                 percent(*larger),
+                format!("{frames_per_second:.1}"),
                 format!("{:.2}", energy * 1e3),
             ]);
         }
+        // With long values, the last columns have no room; the report has their figures.
+        let of = |columns: usize| {
+            let mut table = plain_table(&header[..columns]);
+            for row in &rows {
+                table.add_row(&row[..columns]);
+            }
+            aligned(table).trim_fmt()
+        };
+        let fits = |table: &String| table.lines().all(|line| line.chars().count() <= 80);
+        let table = [7, 6, 5].map(of).into_iter().find(fits);
+        let table = table.unwrap_or_else(|| of(5));
         let head = wrapped(&format!(
             "answers, each the same frame replayed: the best of {tried}{refused}"
         ));
@@ -214,8 +226,15 @@ impl Answers {
         } else {
             format!("\n{}", wrapped(GIVEN))
         };
-        format!("{head}\n{}{mark}", aligned(table).trim_fmt())
+        format!("{head}\n{table}{mark}")
     }
+}
+
+/// A value; a word without quotes.
+fn text(value: &Value) -> String {
+    value
+        .as_str()
+        .map_or_else(|| value.to_string(), str::to_owned)
 }
 
 fn percent(part: f64) -> String {
