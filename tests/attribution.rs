@@ -7,6 +7,7 @@ use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
 use rtl_model::machine::Rows;
+use rtl_model::num::{Format, Word};
 use serde_json::json;
 use splatsim::accuracy::attribution::{Share, attribute};
 use splatsim::accuracy::partial::{ChosenWords, MixedDrawing, UNITS, words};
@@ -144,8 +145,10 @@ fn with_every_word_it_is_the_machine() {
             .into_iter()
             .chain(of_ellipsoids((96, 80))),
     ) {
-        for rows in [Rows::Seeded, Rows::Differenced] {
+        for rows in [Rows::Seeded, Rows::Differenced, Rows::Direct] {
             machine.raster.rows = rows;
+            machine.raster.square =
+                (rows == Rows::Direct).then(|| Word::new(Format::signed(20, 10)));
             let (quantised, fixed) = drawn(&scene, &machine).unwrap();
             let mixed = mixed(&scene, &machine, &quantised, |_| true);
             assert_eq!(

@@ -12,10 +12,9 @@ use std::time::Duration;
 
 use rtl_model::elaboration::Elaboration;
 use rtl_model::functions::ReciprocalRoot;
-use rtl_model::machine::{FunctionUnit, Interpolation, Machine, Rows};
-use rtl_model::num::LANES;
-use rtl_model::num::Rounding;
+use rtl_model::machine::{self, FunctionUnit, Interpolation, Machine, Rows};
 use rtl_model::num::lanes::Plain;
+use rtl_model::num::{Format, LANES, Rounding, Word};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::probe::{NoProbe, Tap};
 use rtl_model::units::raster::{self, Raster, Span};
@@ -129,15 +128,23 @@ fn gappa_accepts_the_proofs_of_odd_machines() {
         machine.raster.first = machine.raster.first.rounded(Rounding::NearestEven);
         machine.gauss.table.interpolation = Interpolation::Linear;
         machine.gauss.falloff = machine.gauss.falloff.rounded(Rounding::Truncate);
-        let machine = machine.elaborate().unwrap();
+        let direct = Machine {
+            raster: machine::Raster {
+                rows: Rows::Direct,
+                ..machine.raster
+            },
+            ..machine.clone()
+        };
+        let [machine, direct] = [machine, direct].map(|machine| machine.elaborate().unwrap());
         let folder = tempfile::tempdir().unwrap();
-        for name in [
-            "project.reciprocal",
-            "ellipse.extent_root",
-            "gauss.table",
-            "raster.radial.16",
+        for (machine, name) in [
+            (&machine, "project.reciprocal"),
+            (&machine, "ellipse.extent_root"),
+            (&machine, "gauss.table"),
+            (&machine, "raster.radial.16"),
+            (&direct, "raster.radial.16"),
         ] {
-            let proof = proof(&machine, name);
+            let proof = proof(machine, name);
             write(std::slice::from_ref(&proof), folder.path()).unwrap();
             assert_eq!(
                 gappa(&folder.path().join(proof.file_name())),
@@ -498,9 +505,19 @@ fn the_gaussian_tables_script_agrees_with_the_unit() {
 
 #[test]
 fn the_rasters_script_agrees_with_the_unit() {
-    for name in Machine::NAMES {
-        let machine = elaborated(name);
+    let direct = |name: &str| {
+        let mut machine = Machine::named(name).unwrap();
+        machine.raster.rows = Rows::Direct;
+        let square = Word::new(Format::signed(20, 10)).rounded(Rounding::Truncate);
+        machine.raster.square = Some(square);
+        machine.elaborate().unwrap()
+    };
+    let machines = Machine::NAMES.into_iter();
+    for (name, machine) in
+        machines.flat_map(|name| [(name, elaborated(name)), (name, direct(name))])
+    {
         let m = &machine.machine;
+        let is_direct = m.raster.rows == Rows::Direct;
         let (proof, unit) = (
             proof(&machine, "raster.radial.16"),
             Raster::new(&mut Elaboration::default(), m),
@@ -530,12 +547,15 @@ fn the_rasters_script_agrees_with_the_unit() {
             let mut probe = NoProbe;
             let tap = &mut Tap::new(&mut probe);
             let size_px = [512, 512];
+            let column = if is_direct { 256 } else { 256 + 16 };
             let walks =
-                unit.enter::<Plain, _>(size_px, [256 + 16, 256 + rows], &[&input; LANES], tap);
+                unit.enter::<Plain, _>(size_px, [column, 256 + rows], &[&input; LANES], tap);
             let mut span = Span::default();
             unit.span::<Plain, _>(size_px, &walks, 0, &input, i64::MAX, &mut span, tap);
             let [lanes, _] = unit.fragments::<Plain>(&walks, 0, &span, [0; LANES]);
             let word = lanes.0[0];
+            // With direct evaluation, an r below 0 makes no fragment.
+            let is_first = span.fragments() > 0 && span.places(0)[0] == 0;
             // The centre of the box's first pixel, relative to the splat's centre.
             let [x, y] = at.map(|at| {
                 Dyadic((1i128 << (pixel - 1)) - i128::from(at), -pixel).rounded(-offset, "nu")
@@ -545,9 +565,18 @@ fn the_rasters_script_agrees_with_the_unit() {
                 &proof,
                 &[("x", x), ("y", y), ("xx", xx), ("xy", xy), ("yy", yy)],
             );
-            let script = all[&format!("R{}", 16 + rows)];
+            let script = if is_direct {
+                all["R"]
+            } else {
+                all[&format!("R{}", 16 + rows)]
+            };
             // The following steps replace an r below 0 by 0.
             let below = script.0 < 0;
+            assert_eq!(
+                is_first,
+                !is_direct || !below,
+                "{name}: {script:?}, {input:?}"
+            );
             assert!(
                 below && word == 0 || script.equals(Dyadic(word.into(), -radial.frac_bits)),
                 "{name}: {word}, {script:?}, {input:?}"

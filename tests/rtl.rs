@@ -300,6 +300,30 @@ fn harmonics_give_the_records_of_the_machine() {
     }
 }
 
+#[test]
+fn a_raster_without_differences_gives_the_records_of_the_machine() {
+    if !have(
+        &["iverilog", "verilator"],
+        "the RTL implementation of raster",
+    ) {
+        return;
+    }
+    let machine = machine("tiny", &["timing.raster.lanes=[1,1]", "raster.rows=direct"]);
+    let raster = *UNITS.iter().find(|unit| unit.name == "raster").unwrap();
+    let made_up = Window {
+        stimulus: Some(60),
+        units: vec!["raster".into()],
+        ..Window::default()
+    };
+    for (simulator, window) in [
+        (Simulator::Verilator, Window::default()),
+        (Simulator::Icarus, made_up),
+    ] {
+        let trace = traced(&cloud(60, 32), &machine, &window);
+        assert!(drive(simulator, &trace, raster, 32, &STALLS) > 200);
+    }
+}
+
 /// The test above can fail: a wrong product, sum, shift or rounding is found.
 #[test]
 fn wrong_harmonics_are_found_out() {

@@ -1,5 +1,5 @@
 // Raster: walks a splat's box at one pixel per cycle, and outputs a fragment if the radial index is
-// below the cutoff (forward differencing). RTL implementation of units/raster.rs.
+// below the cutoff (forward differencing, or products). RTL implementation of units/raster.rs.
 //
 //   splat ->[ seed ]-> radial ->(+)->(+)-> ...    r at each pixel centre: by_column += by_column_twice, radial += by_column
 //               +-> by_column ->(+)--+
@@ -14,8 +14,13 @@
 // at its own first column, or pixel, and the registers advance to the tile in closed form. The
 // picture therefore does not depend on the tiles.
 //
+// If each pixel is evaluated (MACHINE_DIRECT), only z is differenced:
+//
+//   pixel ->(-)-> px, py ->(x)-> squares ->(x conic)->(+)-> radial
+//
 // Losses: offset, gradient, the seeds of radial and z, and the differences are rounded. A radial
-// index below 0, which differencing can give, is replaced by 0.
+// index below 0, which differencing can give, is replaced by 0. With MACHINE_DIRECT offset, square
+// and radial are rounded, and a pixel below 0 makes no fragment.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -47,7 +52,9 @@ module raster #(
   logic [IN_W-1:0] held;
   logic [COLUMN_W-1:0] column;
   logic [ROW_W-1:0] row;
+`ifndef MACHINE_DIRECT
   logic signed [RADIAL_W-1:0] radial, by_column;
+`endif
   logic signed [Z_W-1:0] z;
 
   // The splat of this cycle's pixel.
@@ -117,6 +124,40 @@ module raster #(
   fit #(.IN_W(DISTANCE_W), .PLACES(PIXEL_F - OFFSET_F), .W(OFFSET_W), .S(1), .ROUND(machine_pkg::RASTER_OFFSET_ROUND),
       .WRAP(machine_pkg::RASTER_OFFSET_WRAP)) offset_y (.exact(distance_y), .word(dy));
 
+`ifdef MACHINE_DIRECT
+  // r of this cycle's pixel: its own offset, three squares, and their products with the conic.
+  localparam int SQUARE_W = machine_pkg::RASTER_SQUARE_W;
+  localparam int SQUARE_F = machine_pkg::RASTER_SQUARE_F;
+  localparam int ALONG_W = machine_pkg::ELLIPSE_CONIC_W + 1 + SQUARE_W;
+  localparam int ACROSS_W = machine_pkg::ELLIPSE_CONIC_CROSS_W + 1 + SQUARE_W;
+  localparam int SUM_W = (ALONG_W > ACROSS_W ? ALONG_W : ACROSS_W) + 2;
+
+  wire signed [MIDDLE_W-1:0] middle_x = $signed(MIDDLE_W'({x, 1'b1}) - MIDDLE_W'(width));
+  wire signed [MIDDLE_W-1:0] middle_y = $signed(MIDDLE_W'({y, 1'b1}) - MIDDLE_W'(height));
+  wire signed [DISTANCE_W-1:0] apart_x = (DISTANCE_W'(middle_x) <<< (PIXEL_F - 1)) - DISTANCE_W'(pixel_x);
+  wire signed [DISTANCE_W-1:0] apart_y = (DISTANCE_W'(middle_y) <<< (PIXEL_F - 1)) - DISTANCE_W'(pixel_y);
+  wire signed [OFFSET_W-1:0] px, py;
+  fit #(.IN_W(DISTANCE_W), .PLACES(PIXEL_F - OFFSET_F), .W(OFFSET_W), .S(1), .ROUND(machine_pkg::RASTER_OFFSET_ROUND),
+      .WRAP(machine_pkg::RASTER_OFFSET_WRAP)) own_x (.exact(apart_x), .word(px));
+  fit #(.IN_W(DISTANCE_W), .PLACES(PIXEL_F - OFFSET_F), .W(OFFSET_W), .S(1), .ROUND(machine_pkg::RASTER_OFFSET_ROUND),
+      .WRAP(machine_pkg::RASTER_OFFSET_WRAP)) own_y (.exact(apart_y), .word(py));
+
+  wire signed [2*OFFSET_W-1:0] exact_x = px * px;
+  wire signed [2*OFFSET_W-1:0] exact_both = px * py;
+  wire signed [2*OFFSET_W-1:0] exact_y = py * py;
+  wire signed [SQUARE_W-1:0] square_x, square_both, square_y;
+  fit #(.IN_W(2 * OFFSET_W), .PLACES(2 * OFFSET_F - SQUARE_F), .W(SQUARE_W), .S(1), .ROUND(machine_pkg::RASTER_SQUARE_ROUND),
+      .WRAP(machine_pkg::RASTER_SQUARE_WRAP)) of_x (.exact(exact_x), .word(square_x));
+  fit #(.IN_W(2 * OFFSET_W), .PLACES(2 * OFFSET_F - SQUARE_F), .W(SQUARE_W), .S(1), .ROUND(machine_pkg::RASTER_SQUARE_ROUND),
+      .WRAP(machine_pkg::RASTER_SQUARE_WRAP)) of_both (.exact(exact_both), .word(square_both));
+  fit #(.IN_W(2 * OFFSET_W), .PLACES(2 * OFFSET_F - SQUARE_F), .W(SQUARE_W), .S(1), .ROUND(machine_pkg::RASTER_SQUARE_ROUND),
+      .WRAP(machine_pkg::RASTER_SQUARE_WRAP)) of_y (.exact(exact_y), .word(square_y));
+
+  wire signed [SUM_W-1:0] sum = SUM_W'(xx) * square_x + ((SUM_W'(xy) * square_both) <<< 1) + SUM_W'(yy) * square_y;
+  wire signed [RADIAL_W-1:0] radial_here;
+  fit #(.IN_W(SUM_W), .PLACES(machine_pkg::ELLIPSE_CONIC_F + SQUARE_F - machine_pkg::RASTER_RADIAL_F), .W(RADIAL_W), .S(1),
+      .ROUND(machine_pkg::RASTER_RADIAL_ROUND), .WRAP(machine_pkg::RASTER_RADIAL_WRAP)) evaluated (.exact(sum), .word(radial_here));
+`else
   // Seed, r: conic words times offsets, and their sums, all with the same fraction bits. Slants and
   // steps are by column, or by row.
   localparam int CONIC_F = machine_pkg::ELLIPSE_CONIC_F;
@@ -151,6 +192,7 @@ module raster #(
   wire signed [RADIAL_W-1:0] seed_radial;
   fit #(.IN_W(SQUARE_W), .PLACES(OFFSET_F + machine_pkg::RASTER_GRADIENT_F - machine_pkg::RASTER_RADIAL_F), .W(RADIAL_W), .S(1),
       .ROUND(machine_pkg::RASTER_RADIAL_ROUND), .WRAP(machine_pkg::RASTER_RADIAL_WRAP)) radial_seed (.exact(square), .word(seed_radial));
+`endif
 
   // Seed, z.
   localparam int LEAN_W = SLOPE_W + OFFSET_W + 1;
@@ -168,18 +210,33 @@ module raster #(
   fit #(.IN_W(PLANE_W), .PLACES(PLANE_F - machine_pkg::RASTER_DEPTH_F), .W(Z_W), .S(1), .ROUND(machine_pkg::RASTER_DEPTH_ROUND),
       .WRAP(machine_pkg::RASTER_DEPTH_WRAP)) z_seed (.exact(plane), .word(seed_z));
 
-  // Differences that are equal at all pixels.
+  // Steps of z.
+  localparam int SLOPE_LEFT = machine_pkg::RASTER_DEPTH_F - machine_pkg::ELLIPSE_DEPTH_SLOPE_F;
+  wire signed [Z_W-1:0] z_by_column = Z_W'(slope_x) <<< SLOPE_LEFT;
+
+  wire takes;
+`ifdef MACHINE_DIRECT
+  // z of each row is seeded, and moved across to the part.
+  wire signed [Z_W-1:0] part_z;
+  if (SIDE > 0) begin : g_on
+    raster_skip #(.W(Z_W), .STEPS_W(COLUMN_W)) z_on (
+        .value(seed_z), .first(z_by_column), .second(Z_W'(0)), .steps(columns_on), .skipped(part_z));
+  end else begin : g_at_once
+    assign part_z = seed_z;
+  end
+  wire signed [Z_W-1:0] z_here = x == left ? part_z : z;
+  wire signed [Z_W-1:0] z_below = z;
+`else
+  // Differences of r that are equal at all pixels.
   localparam int TWICE_W = (machine_pkg::ELLIPSE_CONIC_W + 1 > machine_pkg::ELLIPSE_CONIC_CROSS_W ? machine_pkg::ELLIPSE_CONIC_W + 1 :
       machine_pkg::ELLIPSE_CONIC_CROSS_W) + 1;
   localparam int SECOND_W = machine_pkg::RASTER_SECOND_W;
   localparam int SECOND_LEFT = machine_pkg::RASTER_RADIAL_F - machine_pkg::RASTER_SECOND_F;
-  localparam int SLOPE_LEFT = machine_pkg::RASTER_DEPTH_F - machine_pkg::ELLIPSE_DEPTH_SLOPE_F;
 
   wire signed [SECOND_W-1:0] second_x;
   fit #(.IN_W(TWICE_W), .PLACES(CONIC_F - machine_pkg::RASTER_SECOND_F), .W(SECOND_W), .S(1), .ROUND(machine_pkg::RASTER_SECOND_ROUND),
       .WRAP(machine_pkg::RASTER_SECOND_WRAP)) second_by_column (.exact(TWICE_W'(xx) <<< 1), .word(second_x));
   wire signed [RADIAL_W-1:0] by_column_twice = RADIAL_W'(second_x) <<< SECOND_LEFT;
-  wire signed [Z_W-1:0] z_by_column = Z_W'(slope_x) <<< SLOPE_LEFT;
 
   // From the seed to the first pixel of the part: down, if rows are differenced, then across.
   wire signed [RADIAL_W-1:0] down_radial, down_by_column, part_radial, part_by_column;
@@ -198,7 +255,7 @@ module raster #(
   // The registers at this cycle's pixel, and at the next row's first.
   wire signed [RADIAL_W-1:0] radial_here, by_column_here, radial_below, by_column_below;
   wire signed [Z_W-1:0] z_here, z_below;
-  wire seeds, takes;
+  wire seeds;
   assign radial_here = seeds ? part_radial : radial;
   assign by_column_here = seeds ? part_by_column : by_column;
   assign z_here = seeds ? part_z : z;
@@ -265,6 +322,7 @@ module raster #(
     assign {down_radial, down_by_column, down_z} = {seed_radial, seed_by_column, seed_z};
     assign {radial_below, by_column_below, z_below} = {radial, by_column, z};
   end
+`endif
 
   // Fragment: a pixel below the cutoff.
   localparam int EXACT_W = machine_pkg::RASTER_OUT_DEPTH_W;
@@ -272,8 +330,13 @@ module raster #(
 
   wire [machine_pkg::RASTER_CUTOFF_W-1:0] cutoff = frame[machine_pkg::FRAME_CUTOFF_LSB+:machine_pkg::RASTER_CUTOFF_W];
   wire signed [RADIAL_W-1:0] limit = $signed(RADIAL_W'(cutoff) << (machine_pkg::RASTER_RADIAL_F - machine_pkg::RASTER_CUTOFF_F));
+`ifdef MACHINE_DIRECT
+  wire kept = !radial_here[RADIAL_W-1] && radial_here < limit;
+  wire [RADIAL_W-1:0] natural = radial_here;
+`else
   wire kept = radial_here < limit;
   wire [RADIAL_W-1:0] natural = radial_here[RADIAL_W-1] ? '0 : radial_here;
+`endif
 
   wire signed [EXACT_W-1:0] middle = EXACT_W'(depth) <<< (EXACT_F - machine_pkg::PROJECT_DEPTH_F);
   wire signed [EXACT_W-1:0] reach = EXACT_W'(depth_range) <<< (EXACT_F - machine_pkg::ELLIPSE_DEPTH_RANGE_F);
@@ -298,8 +361,10 @@ module raster #(
       held <= splat;
       column <= last_of_row ? left : x + COLUMN_W'(1);
       row <= last_of_row ? y + ROW_W'(1) : y;
+`ifndef MACHINE_DIRECT
       radial <= last_of_row ? radial_below : radial_here + by_column_here;
       by_column <= last_of_row ? by_column_below : by_column_here + by_column_twice;
+`endif
       z <= last_of_row ? z_below : z_here + z_by_column;
     end
   end

@@ -380,7 +380,7 @@ impl<'a> Cover for FrameFootprint<'a> {
         for (y, row) in rows.zip(downwards) {
             for x in columns.clone() {
                 let [radial, depth] = machine.mixed_precision_pixel(&row, f64::from(x - left));
-                if radial.value < frame.cutoff {
+                if machine.keeps(radial.value, frame.cutoff) {
                     let weight = machine.real_weight(radial, word(footprint.amplitude)).value;
                     // A weight that rounds to 0 makes no fragment.
                     if weight > 0.0 && weight >= least_weight {

@@ -96,14 +96,28 @@ def half(whole):
 TWO = (2, 0)
 
 
+def offset(trace, frame, splat, x, y):
+    """Step 1."""
+    dx = plus(half(2 * x + 1 - frame["width"][0]), minus(splat["pixel_x"]))
+    dy = plus(half(2 * y + 1 - frame["height"][0]), minus(splat["pixel_y"]))
+    return [trace.fit(d, "raster.offset") for d in (dx, dy)]
+
+
+def evaluated(trace, frame, splat, x, y):
+    """Steps 9 and 10."""
+    dx, dy = offset(trace, frame, splat, x, y)
+    xx, xy, yy = (trace.fit(times(*pair), "raster.square") for pair in ((dx, dx), (dx, dy), (dy, dy)))
+    terms = times(splat["conic_xx"], xx), times(TWO, times(splat["conic_xy"], xy)), times(splat["conic_yy"], yy)
+    return trace.fit(plus(*terms), "raster.radial")[0]
+
+
 class Seed:
     """Steps 1 to 6 at a pixel, and 7 and 8 where the box is seeded once."""
 
     def __init__(self, trace, frame, splat, x, y):
         fit = trace.fit
         xx, xy, yy = (splat["conic_" + name] for name in ("xx", "xy", "yy"))
-        dx = fit(plus(half(2 * x + 1 - frame["width"][0]), minus(splat["pixel_x"])), "raster.offset")
-        dy = fit(plus(half(2 * y + 1 - frame["height"][0]), minus(splat["pixel_y"])), "raster.offset")
+        dx, dy = offset(trace, frame, splat, x, y)
         by_x = fit(plus(times(xx, dx), times(TWO, times(xy, dy))), "raster.gradient")
         by_y = fit(times(yy, dy), "raster.gradient")
         self.radial = fit(plus(times(dx, by_x), times(dy, by_y)), "raster.radial")
@@ -148,9 +162,12 @@ def raster(trace, frame, splat):
     exact_f = trace.numbers["RASTER_EXACT_DEPTH_F"]
     slope = places(splat["depth_slope_x"], z_f)
     cutoff_e, cutoff_f = frame["cutoff"]
+    direct = trace.numbers.get("RASTER_DIRECT", 0)
     for y, radial, first, second, z in rows(trace, frame, splat):
         for x in range(left, right + 1):
-            if radial << cutoff_f < cutoff_e << radial_f:
+            if direct:
+                radial = evaluated(trace, frame, splat, x, y)
+            if radial << cutoff_f < cutoff_e << radial_f and (radial >= 0 or not direct):
                 depth = min(max(places((z, z_f), exact_f), places(nearest, exact_f)), places(farthest, exact_f))
                 yield splat["tag"][0], x, y, max(radial, 0), depth
             radial = wrapped(radial + first, radial_w)

@@ -12,7 +12,7 @@ use super::{Elaboration, Operator, Part, unit};
 use crate::machine::timing::{
     Cache, Environment, Memory, Organisation, Queue, Setup, Technology, Tile, Timing,
 };
-use crate::machine::{BinTest, Group, Machine, MaskMaker, Merge};
+use crate::machine::{BinTest, Group, Machine, MaskMaker, Merge, Rows};
 use crate::num::Word;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -387,6 +387,8 @@ impl BinShape {
 pub struct BinWords {
     /// Kind of the test.
     pub test: BinTest,
+    /// `raster.rows`.
+    pub rows: Rows,
     /// `project.pixel`.
     pub pixel: Word,
     /// `ellipse.conic`.

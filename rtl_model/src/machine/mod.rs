@@ -302,7 +302,7 @@ pub enum MaskMaker {
     List,
 }
 
-/// How a row of the box is started.
+/// How r comes to each pixel of the box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rows {
@@ -311,25 +311,31 @@ pub enum Rows {
     /// Only the first pixel of the box is evaluated from the conic; rows are differenced like
     /// pixels.
     Differenced,
+    /// Each pixel is evaluated from the conic, with products. A pixel whose r is below 0, by
+    /// rounding, makes no fragment.
+    Direct,
 }
 
 /// Formats of the unit `raster`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Raster {
-    /// How a row of the box is started.
+    /// How r comes to each pixel of the box.
     pub rows: Rows,
     /// The cutoff.
     pub cutoff: Word,
     /// First pixel minus centre, pixels.
     pub offset: Word,
-    /// Q00·dx + 2·Q01·dy and Q11·dy.
+    /// Q00·dx + 2·Q01·dy and Q11·dy; `direct` does not use it.
     pub gradient: Word,
-    /// The differencing register of r; its adder wraps.
+    /// dx², dx·dy and dy², for `direct` only. Left out: exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub square: Option<Word>,
+    /// The differencing register of r; its adder wraps. With `direct`, r itself.
     pub radial: Word,
-    /// First differences.
+    /// First differences; `direct` does not use it.
     pub first: Word,
-    /// Second differences.
+    /// Second differences; `direct` does not use it.
     pub second: Word,
     /// The differencing register of z, machine units; its adder wraps.
     pub depth: Word,

@@ -46,7 +46,8 @@ impl Footprint {
         // The box is seeded at its first pixel, or where it enters the picture.
         let reach = two!(axis => {
             let to_edge = (f64::from(size_px[axis]) / 2.0 + point.pixel[axis].high()).max(0.0);
-            (ellipse.extent[axis].high() + 1.0).min(to_edge + 1.0)
+            let to_side = ellipse.extent[axis].high() + 1.0;
+            if machine.raster.is_direct() { to_side } else { to_side.min(to_edge + 1.0) }
         });
         let walk = machine.raster.near(&walked(&point, &ellipse), reach);
         Footprint {
@@ -145,6 +146,11 @@ impl Elaborated {
         columns: f64,
     ) -> [MixedPrecision<'a>; 2] {
         self.raster.mixed_precision_pixel(row, columns)
+    }
+
+    /// Whether a pixel with this r makes a fragment.
+    pub fn keeps(&self, radial: f64, cutoff: f64) -> bool {
+        self.raster.keeps(radial, cutoff)
     }
 
     /// The light that a splat sends which is lit before it is drawn, from its own colour and

@@ -55,7 +55,7 @@ use crate::elaboration::masks::Masks;
 use crate::elaboration::microarchitecture::BinWords;
 use crate::elaboration::{Elaboration, Operator, Part};
 use crate::graph::{Builder, Graph, Wire};
-use crate::machine::{BinTest, Machine, MaskMaker};
+use crate::machine::{BinTest, Machine, MaskMaker, Rows};
 use crate::num::{Exact, Format, Rounding, Word, two};
 use crate::records::unit;
 
@@ -97,6 +97,7 @@ impl BinWords {
         let test = machine.bin.map_or(BinTest::Box, |bin| bin.test);
         (test != BinTest::Box).then_some(BinWords {
             test,
+            rows: machine.raster.rows,
             pixel: machine.project.pixel,
             conic: machine.ellipse.conic,
             conic_cross: machine.ellipse.conic_cross,
@@ -136,6 +137,9 @@ impl BinWords {
             self.offset.round == Rounding::NearestEven && self.offset.format.frac_bits < 1;
         e.require(!is_even, || {
             format!("bin.test needs offsets of whole pixels from each other, but raster.offset is {} and rounds ties to even: let it round to nearest, or have a fraction bit", self.offset)
+        });
+        e.require(self.rows != Rows::Direct, || {
+            "bin.test bounds the error of differences, but raster.rows is direct: use bin.test `box`, or raster.rows `seeded`".into()
         });
         if !e.errors.is_empty() {
             return;

@@ -11,6 +11,11 @@
 //! Both adders wrap. That is harmless inside the footprint as long as the register holds the r of
 //! the whole box, whose corners reach 2·cutoff/(1−|ρ|).
 //!
+//! With [`Rows::Direct`] nothing is differenced but z. Each lane computes the r of its own pixel:
+//! ```text
+//! pixel ─►(−)─► offset ─►(×)─► square: dx², dx·dy, dy² ─►(× conic)─►(Σ)─► radial ─►[ 0 ≤ r < cutoff? ]
+//! ```
+//!
 //! Because adds are exact, the simulator may change their order. It enters the boxes of eight
 //! splats in parallel, directly where they meet a square of 16 × 16 pixels, and steps eight columns
 //! of one box from row to row. Depth is computed for fragments only. Without a probe, [`short`]
@@ -18,11 +23,12 @@
 //!
 //! Losses: `offset`, `gradient`, the seeds of `radial` and `depth`, and the differences are rounded
 //! to nearest. The radial index is clamped to [0, cutoff) at the output, because differencing may
-//! leave it slightly below 0.
+//! leave it slightly below 0. [`Rows::Direct`] loses bits in `offset`, `square` and `radial`; a
+//! pixel whose r is below 0 makes no fragment, as in most published machines.
 //!
 //! Laws: `stepping_equals_the_closed_form`,
 //! `seeded_and_differenced_rows_agree_within_their_guard_bits`,
-//! `a_radial_index_below_zero_is_zero`.
+//! `a_radial_index_below_zero_is_zero`, `direct_pixels_equal_their_products`.
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::masks::Masks;
@@ -75,7 +81,7 @@ pub struct Walks {
     columns_on: [i64; LANES],
     /// The part's first pixel in the square: 16 · row + column.
     first_pixel: [i64; LANES],
-    /// Used where rows are differenced; otherwise each row has its own seed.
+    /// Used where rows are differenced; otherwise each row has its own.
     seed: Seed<[RegisterBits; LANES]>,
     by_column_twice: [RegisterBits; LANES],
     by_row: [RegisterBits; LANES],
@@ -243,7 +249,16 @@ const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [
 /// Bits of a column or a row: a picture has up to 16384.
 const PIXEL_BITS: i32 = 14;
 
-/// Critical path: offset, gradient, seed, compare.
+/// The word of dx², dx·dy and dy²: the machine's, or one that holds them exactly.
+pub fn square(machine: &Machine) -> Word {
+    let offset = Exact::from(machine.raster.offset);
+    let exact = offset.times(offset);
+    // A sign, and the square of the least offset.
+    (machine.raster.square)
+        .unwrap_or_else(|| Word::new(Format::signed(exact.int_bits + 2, exact.frac_bits)))
+}
+
+/// Critical path: offset, gradient, seed, compare; or offset, square, r, compare.
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.raster;
     let bits = |word: Word| word.format.width();
@@ -252,9 +267,20 @@ pub fn path(machine: &Machine) -> Path {
         bits(m.gradient),
         bits(machine.ellipse.conic),
     );
-    let seed = Path::default()
+    let at_offset = Path::default()
         .sum(bits(machine.project.pixel))
-        .fit_word(m.offset, bits(machine.project.pixel))
+        .fit_word(m.offset, bits(machine.project.pixel));
+    if m.rows == Rows::Direct {
+        let square = square(machine);
+        return at_offset
+            .product_of(m.offset, m.offset)
+            .fit_word(square, 2 * offset)
+            .product_of(machine.ellipse.conic, square)
+            .sum_of_three(conic + bits(square))
+            .fit(bits(m.radial))
+            .sum(bits(m.radial));
+    }
+    let seed = at_offset
         .product_of(machine.ellipse.conic, m.offset)
         .sum(conic + offset)
         .fit_word(m.gradient, conic + offset)
@@ -280,9 +306,13 @@ fn cuts_boxes(machine: &Machine) -> bool {
     machine.timing.organisation == Organisation::Binned
 }
 
-/// Number of directions in which registers are stepped.
+/// Number of directions in which registers of r are stepped.
 fn directions(rows: Rows) -> u32 {
-    if rows == Rows::Differenced { 2 } else { 1 }
+    match rows {
+        Rows::Direct => 0,
+        Rows::Seeded => 1,
+        Rows::Differenced => 2,
+    }
 }
 
 /// Logic in one cycle: from a pixel's registers to those of the next pixel, which come from a seed,
@@ -290,9 +320,10 @@ fn directions(rows: Rows) -> u32 {
 /// that a box cut to a tile needs its sides first.
 pub fn stamp(machine: &Machine) -> Path {
     let m = &machine.raster;
+    let radial = directions(m.rows).min(1) as i32 * m.radial.format.width();
     let registers = Path::default()
         .choose(2)
-        .sum(m.radial.format.width().max(m.depth.format.width()))
+        .sum(radial.max(m.depth.format.width()))
         .choose(2);
     let sides = Path::default()
         .choose(2)
@@ -319,6 +350,8 @@ pub fn stamp(machine: &Machine) -> Path {
 pub struct Raster {
     rows: Rows,
     offset: Fit,
+    /// Of [`Rows::Direct`], which uses none of `gradient`, `first` and `second`.
+    square: Option<Fit>,
     gradient: Fit,
     radial: Fit,
     first: Fit,
@@ -328,7 +361,7 @@ pub struct Raster {
     depth_register: Register,
     places: Alignment,
     /// Limit of z below which z and all its partial sums fit in 31 bits at every place; 0 where
-    /// there is no clamp.
+    /// there is no clamp, and for [`Rows::Direct`].
     short_depth: i64,
 }
 
@@ -358,31 +391,41 @@ impl Raster {
     /// Elaborates the unit.
     pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
         let (m, s) = (&machine.raster, &machine.ellipse);
-        for (name, word, signed) in [
-            ("cutoff", m.cutoff, false),
-            ("offset", m.offset, true),
-            ("gradient", m.gradient, true),
-        ] {
+        let is_direct = m.rows == Rows::Direct;
+        let f = |word: Word| word.format.frac_bits;
+        for (name, word, signed) in [("cutoff", m.cutoff, false), ("offset", m.offset, true)] {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, signed);
         }
-        for (name, word) in [
-            ("radial", m.radial),
-            ("first", m.first),
-            ("second", m.second),
-            ("depth", m.depth),
-        ] {
+        for (name, word) in [("radial", m.radial), ("depth", m.depth)] {
             e.signedness(UNIT, name, word, true);
             e.fixed_point(UNIT, name, word);
         }
         e.fixed_point(UNIT, "cutoff", m.cutoff);
         e.holds_one(UNIT, "offset", m.offset);
-        let f = |word: Word| word.format.frac_bits;
-        for (name, word) in [
-            ("first", m.first),
-            ("second", m.second),
-            ("cutoff", m.cutoff),
-        ] {
+        if is_direct {
+            let square = square(machine);
+            e.port(UNIT, "square", square);
+            e.signedness(UNIT, "square", square, true);
+        } else {
+            e.port(UNIT, "gradient", m.gradient);
+            for (name, word) in [
+                ("gradient", m.gradient),
+                ("first", m.first),
+                ("second", m.second),
+            ] {
+                e.signedness(UNIT, name, word, true);
+            }
+            for (name, word) in [("first", m.first), ("second", m.second)] {
+                e.fixed_point(UNIT, name, word);
+            }
+            e.require(m.square.is_none(), || {
+                "raster.square is given, but only raster.rows `direct` uses it".into()
+            });
+        }
+        let differences = [("first", m.first), ("second", m.second)];
+        let differences = differences.into_iter().filter(|_| !is_direct);
+        for (name, word) in differences.chain([("cutoff", m.cutoff)]) {
             e.require(f(word) <= f(m.radial), || {
                 let fits = Format { frac_bits: f(m.radial), ..word.format }.within(MAX_WIDTH_BITS);
                 format!("raster.{name} is {word}, finer than the register raster.radial {} that it meets: {fits} would fit", m.radial)
@@ -426,28 +469,39 @@ impl Raster {
             let sum = e.sum(UNIT, [pixel.into(), middle]);
             e.fit(UNIT, "offset", m.offset, sum)
         });
-        let along = e.copies(2, |e| e.times(UNIT, s.conic, m.offset));
-        // Q01·dy; and Q01·dx, where rows are differenced.
-        let directions = directions(m.rows);
-        let across = e.copies(directions, |e| e.times(UNIT, s.conic_cross, m.offset));
         let aligned = f(s.conic) == f(s.conic_cross);
         e.require(aligned, || {
             format!("ellipse.conic {} and ellipse.conic_cross {} need the same fraction bits: they are summed", s.conic, s.conic_cross)
         });
-        let gradient = e.copies(2, |e| {
-            let sum = e.sum(UNIT, [along, across.doubled()]);
-            e.fit(UNIT, "gradient", m.gradient, sum)
-        });
-        let square = e.copies(2, |e| e.times(UNIT, m.offset, m.gradient));
-        let sum = e.sum(UNIT, [square; 2]);
-        let radial = e.fit(UNIT, "radial", m.radial, sum);
-        let first = e.copies(directions, |e| {
-            let sum = e.sum(UNIT, [along.doubled(), along, across.doubled()]);
-            e.fit(UNIT, "first", m.first, sum)
-        });
-        let second = e.copies(directions, |e| {
-            e.fit(UNIT, "second", m.second, Exact::from(s.conic).doubled())
-        });
+        let directions = directions(m.rows);
+        let [radial, gradient, first, second];
+        let mut square = None;
+        if is_direct {
+            let fitted;
+            [fitted, radial] = Raster::evaluates(e, machine, middle);
+            square = Some(fitted);
+            // Not declared: nothing is differenced.
+            [gradient, first, second] = [m.gradient, m.first, m.second]
+                .map(|word| Fit::new(radial.signal, word, word.into()));
+        } else {
+            let along = e.copies(2, |e| e.times(UNIT, s.conic, m.offset));
+            // Q01·dy; and Q01·dx, where rows are differenced.
+            let across = e.copies(directions, |e| e.times(UNIT, s.conic_cross, m.offset));
+            gradient = e.copies(2, |e| {
+                let sum = e.sum(UNIT, [along, across.doubled()]);
+                e.fit(UNIT, "gradient", m.gradient, sum)
+            });
+            let square = e.copies(2, |e| e.times(UNIT, m.offset, m.gradient));
+            let sum = e.sum(UNIT, [square; 2]);
+            radial = e.fit(UNIT, "radial", m.radial, sum);
+            first = e.copies(directions, |e| {
+                let sum = e.sum(UNIT, [along.doubled(), along, across.doubled()]);
+                e.fit(UNIT, "first", m.first, sum)
+            });
+            second = e.copies(directions, |e| {
+                e.fit(UNIT, "second", m.second, Exact::from(s.conic).doubled())
+            });
+        }
         let lean = e.copies(2, |e| e.times(UNIT, s.depth_slope, m.offset));
         let plane = e.sum(UNIT, [lean, lean, machine.project.depth.into()]);
         let depth = e.fit(UNIT, "depth", m.depth, plane);
@@ -469,9 +523,12 @@ impl Raster {
         e.per_lane(|e| {
             // radial += first, first += second, depth += slope, or a seed; less than the cutoff;
             // not negative; clamped from both sides.
-            step(e, &[radial_bits, first_bits, depth_bits]);
+            let stepped = [radial_bits, first_bits, depth_bits];
+            step(e, if is_direct { &stepped[2..] } else { &stepped });
             e.adders(UNIT, 1, radial_bits);
-            e.choice(UNIT, 2, radial_bits);
+            if !is_direct {
+                e.choice(UNIT, 2, radial_bits);
+            }
             e.copies(2, |e| e.limit(UNIT, clamped));
         });
         if cuts_boxes(machine) {
@@ -493,13 +550,14 @@ impl Raster {
         let are_short =
             deepest[0] + deepest[1] < 1 << 30 && clamp[0] < 16 && depth_slope_places < 16;
         Raster {
-            short_depth: if are_short {
+            short_depth: if are_short && !is_direct {
                 1 << (31 - clamp[0] as i32).min(bits(m.depth) - 1).max(0)
             } else {
                 0
             },
             rows: m.rows,
             offset,
+            square,
             gradient,
             radial,
             first,
@@ -521,6 +579,27 @@ impl Raster {
                 clamp,
             },
         }
+    }
+
+    /// Parts that compute r in each lane; returns the fits of squares and of r.
+    fn evaluates(e: &mut Elaboration, machine: &Machine, middle: Exact) -> [Fit; 2] {
+        let (m, s) = (&machine.raster, &machine.ellipse);
+        e.per_lane(|e| {
+            e.copies(2, |e| {
+                e.adders(UNIT, 1, middle.bits());
+                let sum = e.sum(UNIT, [machine.project.pixel.into(), middle]);
+                e.fit(UNIT, "offset", m.offset, sum)
+            });
+            let word = square(machine);
+            let square = e.copies(3, |e| {
+                let product = e.times(UNIT, m.offset, m.offset);
+                e.fit(UNIT, "square", word, product)
+            });
+            let along = e.copies(2, |e| e.times(UNIT, s.conic, word));
+            let across = e.times(UNIT, s.conic_cross, word).doubled();
+            let sum = e.sum(UNIT, [along, across, along]);
+            [square, e.fit(UNIT, "radial", m.radial, sum)]
+        })
     }
 
     /// Parts that cut a box to a tile, and compute the registers of its seed there in closed form,
@@ -565,13 +644,15 @@ impl Raster {
             );
             e.adders(UNIT, 1, register.format.width());
         };
-        e.copies(directions, |e| {
-            e.adders(UNIT, 1, PIXEL_BITS);
-            product(e, PIXEL_BITS, PIXEL_BITS, room(m.radial, m.second) + 1);
-            gets(e, m.radial, m.first, PIXEL_BITS);
-            gets(e, m.radial, m.second, 2 * PIXEL_BITS - 1);
-            // The first difference by column; by row too where rows are stepped.
-            e.copies(directions, |e| gets(e, m.first, m.second, PIXEL_BITS));
+        e.copies(directions.max(1), |e| {
+            if directions > 0 {
+                e.adders(UNIT, 1, PIXEL_BITS);
+                product(e, PIXEL_BITS, PIXEL_BITS, room(m.radial, m.second) + 1);
+                gets(e, m.radial, m.first, PIXEL_BITS);
+                gets(e, m.radial, m.second, 2 * PIXEL_BITS - 1);
+                // The first difference by column; by row too where rows are stepped.
+                e.copies(directions, |e| gets(e, m.first, m.second, PIXEL_BITS));
+            }
             gets(e, m.depth, slope, PIXEL_BITS);
         });
     }
@@ -629,7 +710,11 @@ impl Raster {
             rows: parts.size[1].to_array(),
             columns_on: parts.on[0].to_array(),
             first_pixel: parts.first_pixel.to_array(),
-            by_column_twice: self.second(splats.conic[0], tap).to_array(),
+            by_column_twice: if self.rows == Rows::Direct {
+                [0; LANES]
+            } else {
+                self.second(splats.conic[0], tap).to_array()
+            },
             depth_slope: two!(axis => splats.depth_slope[axis].to_array()),
             nearest: nearest.to_array(),
             deepest: deepest.to_array(),
@@ -676,7 +761,8 @@ impl Raster {
         [columns_on, rows_on]: [L; 2],
         tap: &mut Tap<P>,
     ) -> EnteredBoxes<L> {
-        let at = self.offsets(size_px, splats, splats.first_row, tap);
+        let first = [splats.first_column, splats.first_row];
+        let at = self.offsets(size_px, first, splats, tap);
         let seed = self.seed(splats, at, tap);
         let [_, xy, yy] = splats.conic;
         let by_row = (yy * at[1] + xy * at[0]).left(1) + yy.left(self.places.offset);
@@ -723,6 +809,7 @@ impl Raster {
         match self.rows {
             Rows::Differenced => self.walk_down::<L, P>(walks, lane, cutoff, span, tap),
             Rows::Seeded => self.row_by_row::<L, P>(size_px, walks, lane, input, cutoff, span, tap),
+            Rows::Direct => self.directly::<L, P>(size_px, walks, lane, input, cutoff, span, tap),
         }
     }
 
@@ -782,7 +869,11 @@ impl Raster {
                 tap.live = first_bits(rows - first);
             }
             let y = L::splat(walks.top[lane] + first as i64) + L::from_array(COLUMNS[0]);
-            let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
+            let seed = self.seed(
+                &splat,
+                self.offsets(size_px, [splat.first_column, y], &splat, tap),
+                tap,
+            );
             let seed = seed.skip(
                 L::splat(by_column_twice),
                 depth_by_column,
@@ -811,6 +902,64 @@ impl Raster {
                     let inside = first_bits(columns - eight * LANES);
                     span.keep([row, eight], radial, L::splat(cutoff), inside);
                 }
+            }
+        }
+    }
+
+    /// Evaluates every pixel, eight columns at a time.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "as `span`")]
+    fn directly<L: Lanes, P: Probe>(
+        &self,
+        size_px: [u32; 2],
+        walks: &Walks,
+        lane: usize,
+        input: &Input,
+        cutoff: RegisterBits,
+        span: &mut Span,
+        tap: &mut Tap<P>,
+    ) {
+        let Some(square) = &self.square else {
+            return;
+        };
+        let [columns, rows] = walks.size(lane);
+        let splat = Splats::<L>::all(input);
+        let [xx, xy, yy] = splat.conic;
+        let depth_by_column = self
+            .depth_register
+            .load_lanes(splat.depth_slope[0], self.places.depth_slope)
+            .times(L::splat(walks.columns_on[lane]));
+        let left = splat.first_column + L::splat(walks.columns_on[lane]);
+        for row in 0..rows {
+            // Of z, at the first column of the box; dy is that of all its pixels.
+            tap.live = 1;
+            let at_row = L::splat(walks.top[lane] + row as i64);
+            let seed = self.offsets(size_px, [splat.first_column, at_row], &splat, tap);
+            let depth = self.depth_seed(&splat, seed, tap);
+            span.depth[row] = depth.wrapping_add(depth_by_column).to_array()[0];
+            if P::WORDS {
+                let z = self.depth_register.read(span.depth[row]);
+                let slope = walks.depth_slope[0][lane] << self.places.depth_slope;
+                let last = z + (columns as i64 - 1) * slope;
+                tap.probe
+                    .reached(self.depth.signal, [z.min(last), z.max(last)]);
+            }
+            for eight in 0..eights(columns) {
+                let inside = first_bits(columns - eight * LANES);
+                tap.live = inside;
+                let at = [left + L::from_array(COLUMNS[eight]), at_row];
+                let [x, y] = self.offsets(size_px, at, &splat, tap);
+                let [of_x, of_both, of_y] = three!(i => {
+                    tap.fit(square, [x, x, y][i] * [x, y, y][i])
+                });
+                let sum = xx * of_x + (xy * of_both).left(1) + yy * of_y;
+                let radial = tap.fit_register(&self.radial, self.radial_register, sum);
+                span.keep(
+                    [row, eight],
+                    radial,
+                    L::splat(cutoff),
+                    inside & !radial.signs(),
+                );
             }
         }
     }
@@ -960,7 +1109,7 @@ impl Raster {
                 L::splat(walks.seed.depth[lane]),
                 column * by_column + row * by_row,
             ),
-            Rows::Seeded => (row.look_up(&span.depth), column * by_column),
+            Rows::Seeded | Rows::Direct => (row.look_up(&span.depth), column * by_column),
         };
         let depth = start.wrapping_add(
             self.depth_register
@@ -978,16 +1127,15 @@ impl Raster {
         ]
     }
 
-    /// Pixel centres in the boxes' first columns and in rows `y`, from the splats' centres.
+    /// Centres of the pixels in these columns and rows, from the splats' centres.
     #[inline(always)]
     fn offsets<L: Lanes, P: Probe>(
         &self,
         size_px: [u32; 2],
+        pixel: [L; 2],
         splats: &Splats<L>,
-        y: L,
         tap: &mut Tap<P>,
     ) -> [L; 2] {
-        let pixel = [splats.first_column, y];
         let from_middle =
             two!(axis => pixel[axis].left(1) + L::splat(1 - i64::from(size_px[axis])));
         two!(axis => tap.fit(&self.offset, from_middle[axis].left(self.places.pixel - 1) - splats.pixel[axis]))

@@ -6,6 +6,7 @@ use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use crate::tier;
 use proptest::prelude::*;
 use rtl_model::machine::{Merge, Rows, SortKind};
+use rtl_model::num::{Format, Word};
 use rtl_model::pipeline::{draw, draw_measured, draw_unobserved};
 use rtl_model::probe::{Range, Ranges};
 use rtl_model::{Drawing, Elaborated, Frame, Machine};
@@ -104,9 +105,11 @@ proptest! {
 #[test]
 fn meters_equal_counted_ranges() {
     for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
-        for rows in [Rows::Seeded, Rows::Differenced] {
+        for rows in [Rows::Seeded, Rows::Differenced, Rows::Direct] {
             let mut machine = Machine::named(name).unwrap();
             machine.raster.rows = rows;
+            machine.raster.square =
+                (rows == Rows::Direct).then(|| Word::new(Format::signed(20, 10)));
             let elaborated = machine.elaborate().unwrap();
             for (seed, wildness) in
                 (0..20).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness)))

@@ -204,6 +204,9 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
     if let (1.., Some(colour)) = (Kind::of(frame).harmonics, &m.colour) {
         all.push(("COLOUR_DEGREE".into(), colour.degree.into()));
     }
+    if m.raster.rows == Rows::Direct {
+        all.push(("RASTER_DIRECT".into(), 1));
+    }
     if let (Some(_), Some(words)) = (&frame.surroundings, &m.reflect) {
         all.push(("REFLECT_INDEX_BITS".into(), words.index_bits.into()));
     }
@@ -383,6 +386,11 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
         false if frame.surroundings.is_some() => "`define MACHINE_MIRRORS\n",
         false => "",
     };
+    let direct = if machine.machine.raster.rows == Rows::Direct {
+        "`define MACHINE_DIRECT\n"
+    } else {
+        ""
+    };
     let floats = if has_floats(machine, Kind::of(frame)) {
         "// Floating-point words: also _P significant bits. The bits are sign, exponent e and fraction f; the value is f*2^-F if e is 0, else (2^(P-1) + f)*2^(e-1-F).\n"
     } else {
@@ -393,7 +401,7 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
          // For each word: _W bits, _F fraction bits, _S signed, _ROUND 0 truncate, 1 nearest, 2 nearest-even, _WRAP 0 saturate, 1 wrap.\n\
          {floats}\
          // For each record: _W bits, and _LSB and _W of each field.\n\
-         `timescale 1ns / 1ps\n{mirrors}`default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
+         `timescale 1ns / 1ps\n{mirrors}{direct}`default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
         machine.machine.name,
         env!("CARGO_PKG_VERSION"),
     );

@@ -9,8 +9,11 @@
 //! e₀ = (|d_x| + |d_y|)·u_gradient/2 + u_radial/2 at the seed,  e₁ = u_first/2,  e₂ = u_second/2
 //! ```
 //! A register whose range r exceeds, or a saturated difference, may hold anything.
+//!
+//! [`Rows::Direct`] rounds three squares instead, each by at most s: the last line is
+//! (|Q00| + 2·|Q01| + |Q11|)·s + u_radial/2.
 
-use super::{Raster, Rows};
+use super::{Raster, Rows, square};
 use crate::machine::Machine;
 use crate::num::{Fit, Word, two};
 use crate::real::{MixedPrecision, Near, Real, Scale, power_of_two};
@@ -53,7 +56,11 @@ fn outruns(fit: &Fit, most: f64) -> bool {
 /// Sum of rounding errors of differences on the way: e₁ per step, e₂ per pair of steps. Rows that
 /// are seeded again take no steps.
 fn stepped(rows: Rows, [columns, lines]: [f64; 2], first: f64, second: f64) -> f64 {
-    let [i, j] = [columns, if rows == Rows::Seeded { 0.0 } else { lines }];
+    let [i, j] = match rows {
+        Rows::Direct => return 0.0,
+        Rows::Seeded => [columns, 0.0],
+        Rows::Differenced => [columns, lines],
+    };
     let pairs = |n: f64| n * (n - 1.0).max(0.0) / 2.0;
     (i + j) * first + (pairs(i) + pairs(j) + i * j) * second
 }
@@ -77,7 +84,18 @@ pub struct Walk {
 }
 
 impl Raster {
-    /// Enters a box whose first pixel is within `reach` pixels of the centre.
+    /// Whether a pixel with this r makes a fragment.
+    pub fn keeps(&self, radial: f64, cutoff: f64) -> bool {
+        radial < cutoff && (self.rows != Rows::Direct || radial >= 0.0)
+    }
+
+    /// Whether each pixel has offsets of its own.
+    pub fn is_direct(&self) -> bool {
+        self.rows == Rows::Direct
+    }
+
+    /// Enters a box whose first pixel is within `reach` pixels of the centre; all its pixels are,
+    /// with [`Rows::Direct`].
     pub fn near(&self, input: &Input<Near>, reach: [f64; 2]) -> Walk {
         let offset_error = two!(axis => {
             let error = input.pixel[axis].error;
@@ -85,10 +103,24 @@ impl Raster {
         });
         let [xx, xy, yy] = [0, 1, 2].map(|i| input.conic[i].most());
         let [x, y] = two!(axis => reach[axis] + offset_error[axis]);
+        let radial = loss(&self.radial, f64::INFINITY);
+        let most = self.radial.word.format.value(self.radial.word.format.max());
+        if let Some(square) = &self.square {
+            let greatest = x.max(y) * x.max(y);
+            let lost = loss(square, greatest);
+            return Walk {
+                input: *input,
+                offset_error,
+                seed: (xx + 2.0 * xy + yy) * lost + radial,
+                seed_at: reach,
+                steps: [0.0; 2],
+                sound: !outruns(&self.offset, x.max(y)) && !outruns(square, greatest + lost),
+                most,
+            };
+        }
         let steepest = (xx * x + 2.0 * xy * y).max(yy * y);
         let gradient = loss(&self.gradient, steepest);
-        let [radial, first, second] =
-            [&self.radial, &self.first, &self.second].map(|fit| loss(fit, f64::INFINITY));
+        let [first, second] = [&self.first, &self.second].map(|fit| loss(fit, f64::INFINITY));
         let sound = !outruns(&self.offset, x.max(y))
             && !outruns(&self.gradient, steepest + gradient)
             && !outruns(
@@ -103,7 +135,7 @@ impl Raster {
             seed_at: reach,
             steps: [first, second],
             sound,
-            most: self.radial.word.format.value(self.radial.word.format.max()),
+            most,
         }
     }
 
@@ -176,6 +208,8 @@ impl Raster {
 /// Registers at the first pixel of a row of the box, and their differences.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
+    /// Where each pixel is evaluated: Q, the centre's column from the row's first pixel, and dy.
+    direct: Option<[MixedPrecision<'a>; 5]>,
     radial: MixedPrecision<'a>,
     first: MixedPrecision<'a>,
     second: MixedPrecision<'a>,
@@ -209,6 +243,8 @@ impl Raster {
                 (yy * y).fit(&self.gradient, Scale::ONE),
             ];
             let row = Row {
+                direct: (self.rows == Rows::Direct)
+                    .then(|| [xx, xy, yy, input.pixel[0].plus(-left), y]),
                 radial: (x * gradient[0] + y * gradient[1]).fit(&self.radial, Scale::ONE),
                 first: ((xx * x + xy * y).times(2.0) + xx).fit(&self.first, Scale::ONE),
                 second,
@@ -225,7 +261,7 @@ impl Raster {
         let [by_row_twice, by_both] =
             [yy, xy].map(|conic| conic.times(2.0).fit(&self.second, Scale::ONE));
         rows.map(f64::from).map(move |down| match self.rows {
-            Rows::Seeded => seed(down).0,
+            Rows::Seeded | Rows::Direct => seed(down).0,
             Rows::Differenced => Row {
                 radial: at_box.radial
                     + by_row.times(down)
@@ -244,15 +280,21 @@ impl Raster {
         row: &Row<'a>,
         columns: f64,
     ) -> [MixedPrecision<'a>; 2] {
-        let radial = row.radial
-            + row.first.times(columns)
-            + row.second.times(columns * (columns - 1.0) / 2.0);
+        let radial = match (&self.square, row.direct) {
+            (Some(square), Some([xx, xy, yy, centre, y])) => {
+                let x = (-centre).plus(columns).fit(&self.offset, Scale::ONE);
+                let [of_x, of_both, of_y] =
+                    [x * x, x * y, y * y].map(|product| product.fit(square, Scale::ONE));
+                (xx * of_x + (xy * of_both).times(2.0) + yy * of_y).fit(&self.radial, Scale::ONE)
+            }
+            _ => (row.radial
+                + row.first.times(columns)
+                + row.second.times(columns * (columns - 1.0) / 2.0))
+            .wrapped(&self.radial),
+        };
         let depth = (row.depth + row.depth_step.times(columns)).wrapped(&self.depth);
         let [nearest, deepest] = row.limits;
-        [
-            radial.wrapped(&self.radial),
-            depth.max(nearest).min(deepest),
-        ]
+        [radial, depth.max(nearest).min(deepest)]
     }
 }
 
@@ -270,6 +312,8 @@ impl Raster {
 /// A word that holds all places of its exact result loses nothing; twice a conic needs one place
 /// less. Where each row is seeded again, steps between rows do not count. The bound is modulo the
 /// register's range, and holds only where none of `gradient`, `first` and `second` saturates.
+///
+/// With [`Rows::Direct`], three squares and r are rounded, for any conic that its words hold.
 pub fn steps_error(machine: &Machine, reach_px: f64, [columns, rows]: [u32; 2]) -> f64 {
     let m = &machine.raster;
     let conic = machine.ellipse.conic.format.frac_bits;
@@ -282,6 +326,15 @@ pub fn steps_error(machine: &Machine, reach_px: f64, [columns, rows]: [u32; 2]) 
         down.max(up) * format.ulp_at(f64::INFINITY) * power_of_two(-format.frac_bits)
     };
     let offset = m.offset.format.frac_bits;
+    if m.rows == Rows::Direct {
+        let square = square(machine);
+        let [along, across] = [machine.ellipse.conic, machine.ellipse.conic_cross].map(|word| {
+            let format = word.format;
+            format.value(format.max().max(-format.min()))
+        });
+        return 2.0 * (along + across) * loss(square, 2 * offset)
+            + loss(m.radial, conic + square.format.frac_bits);
+    }
     let gradient = loss(m.gradient, conic + offset);
     let seed = loss(m.radial, offset + m.gradient.format.frac_bits) + 2.0 * reach_px * gradient;
     let first = loss(m.first, conic + offset);

@@ -336,7 +336,11 @@ impl Raster {
                 + rows_on
                 + L::splat(first as i64)
                 + L::from_array(super::COLUMNS[0]);
-            let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
+            let seed = self.seed(
+                &splat,
+                self.offsets(size_px, [splat.first_column, y], &splat, tap),
+                tap,
+            );
             let seed = seed.skip(by_column_twice, depth_by_column, columns_on);
             let [radial, by_column] = [
                 self.radial_register.read_lanes(seed.radial),

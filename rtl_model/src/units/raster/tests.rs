@@ -3,6 +3,7 @@
 use super::*;
 use crate::num::lanes::Plain;
 use crate::num::words::PlainWords;
+use crate::num::{Overflow, Rounding};
 use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
 
@@ -36,6 +37,16 @@ struct TestSplat {
     depth_slope: [f64; 2],
     first: [u16; 2],
     size: [u16; 2],
+}
+
+/// A machine that evaluates each pixel, with squares of at most 32 bits.
+fn direct(name: &str, square: Option<Word>) -> Machine {
+    let mut machine = machine(name, Rows::Direct);
+    let offset = machine.raster.offset.format;
+    let is_narrow = offset.width() <= 16;
+    machine.raster.square =
+        square.or_else(|| (!is_narrow).then(|| Word::new(Format::signed(20, 12))));
+    machine
 }
 
 /// Splats whose differences stay within every named machine's words: 2·|Q d| + Q, at most
@@ -187,6 +198,26 @@ fn read_span(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])>
     all
 }
 
+/// An exact multiple of 2^−`frac_bits` as a word, from the definition of its rounding.
+fn quantised(exact: i128, frac_bits: i32, word: Word) -> i128 {
+    let format = word.format;
+    let ulp = 1i128 << (frac_bits - format.frac_bits).max(0);
+    let scaled = exact << (format.frac_bits - frac_bits).max(0);
+    let below = scaled.div_euclid(ulp);
+    let up = match (2 * scaled.rem_euclid(ulp)).cmp(&ulp) {
+        _ if word.round == Rounding::Truncate => 0,
+        std::cmp::Ordering::Less => 0,
+        std::cmp::Ordering::Greater => 1,
+        std::cmp::Ordering::Equal if word.round == Rounding::NearestEven => below & 1,
+        std::cmp::Ordering::Equal => 1,
+    };
+    let [least, most] = [format.min(), format.max()].map(i128::from);
+    match word.overflow {
+        Overflow::Saturate => (below + up).clamp(least, most),
+        Overflow::Wrap => modulo(below + up, format),
+    }
+}
+
 /// The low bits of a difference, as a signed number: zero where two registers differ by wraps only.
 fn modulo(difference: i128, format: Format) -> i128 {
     let values = 1i128 << format.width();
@@ -317,6 +348,7 @@ proptest! {
                     let bound = match rows {
                         Rows::Seeded => at_row.after(column, 0),
                         Rows::Differenced => at_box.after(column, y - input.rows[0]),
+                        Rows::Direct => unreachable!(),
                     };
                     let error = radial_error(&machine, &input, radial, x, y).abs();
                     prop_assert!(error <= bound * 1.000_001, "{rows:?}: r at ({x}, {y}) is off by {error}, bound {bound}");
@@ -418,6 +450,139 @@ proptest! {
             prop_assert!((clamped - plane.clamp(z - range, z + range)).abs() <= bound);
         }
     }
+}
+
+/// Words for squares: none, coarse, fine, narrow.
+fn squares() -> impl Strategy<Value = Option<Word>> {
+    let rounding = prop::sample::select(vec![
+        Rounding::Truncate,
+        Rounding::Nearest,
+        Rounding::NearestEven,
+    ]);
+    prop::option::of(
+        (6..20i32, 0..12i32, rounding).prop_map(|(int_bits, frac_bits, round)| {
+            Word::new(Format::signed(int_bits, frac_bits)).rounded(round)
+        }),
+    )
+}
+
+proptest! {
+    /// r of each pixel is the sum of three products, whatever its box and square are. Exactly the
+    /// pixels with 0 ≤ r < cutoff make a fragment.
+    #[test]
+    fn direct_pixels_equal_their_products(name in names(), square in squares(), shape in test_splats(), cutoff in 0.1..8.0) {
+        let machine = direct(name, square);
+        let (raster, input) = (unit(&machine), shape.input(&machine));
+        let (m, pixel) = (&machine.raster, machine.project.pixel.format);
+        let cutoff = i128::from(word(m.cutoff, cutoff)) << (m.radial.format.frac_bits - m.cutoff.format.frac_bits);
+        let held = raster.cutoff((cutoff >> (m.radial.format.frac_bits - m.cutoff.format.frac_bits)) as i64);
+        let twice = 2 * m.offset.format.frac_bits;
+        let of_square = m.square.unwrap_or_else(|| Word::new(Format::signed(40, twice)));
+        let [xx, xy, yy] = input.conic.map(i128::from);
+        let mut inside = 0;
+        for y in (input.rows[0]..=input.rows[1]).step_by(3) {
+            for x in (input.columns[0]..=input.columns[1]).step_by(2) {
+                let at = |axis: usize, place: u16| {
+                    let from_middle = 2 * i128::from(place) + 1 - i128::from(SIZE_PX[axis]);
+                    quantised((from_middle << (pixel.frac_bits - 1)) - i128::from(input.pixel[axis]), pixel.frac_bits, m.offset)
+                };
+                let (dx, dy) = (at(0, x), at(1, y));
+                let [sx, sb, sy] = [dx * dx, dx * dy, dy * dy].map(|product| quantised(product, twice, of_square));
+                let places = machine.ellipse.conic.format.frac_bits + of_square.format.frac_bits;
+                let expected = quantised(xx * sx + 2 * xy * sb + yy * sy, places, m.radial);
+                let (walks, span) = drawn(&raster, &input, [x, y], held, &mut NoProbe);
+                let own = read_span(&raster, &walks, &span).into_iter().find(|(place, _)| *place == 0);
+                let kept = (0..cutoff).contains(&expected);
+                inside += usize::from(kept);
+                prop_assert_eq!(own.map(|(_, [radial, _])| i128::from(radial)), kept.then_some(expected), "({}, {})", x, y);
+            }
+        }
+        // Some pixel of nearly every splat is in its ellipse.
+        prop_assume!(inside > 0);
+    }
+
+    /// Exact offsets and conics: only squares and r are rounded.
+    #[test]
+    fn direct_pixels_are_within_the_error_of_their_squares(name in names(), square in squares(), shape in test_splats()) {
+        let mut machine = direct(name, square.map(|word| Word { format: Format { int_bits: 20, ..word.format }, ..word }));
+        machine.raster.offset = Word::new(Format::signed(12, machine.project.pixel.format.frac_bits));
+        prop_assume!(machine.raster.square.is_some() || machine.raster.offset.format.width() <= 16);
+        let (raster, input) = (unit(&machine), shape.input(&machine));
+        let bound = real::steps_error(&machine, 512.0, [0; 2]);
+        let (y, mut met) = (input.rows[1], 0);
+        for x in input.columns[0]..=input.columns[1] {
+            let (walks, span) = drawn(&raster, &input, [x, y], i64::MAX, &mut NoProbe);
+            if let Some((0, [radial, _])) = read_span(&raster, &walks, &span).first() {
+                let error = radial_error(&machine, &input, *radial, x, y).abs();
+                prop_assert!(error <= bound, "r at column {x} is off by {error}, bound {bound}");
+                met += 1;
+            }
+        }
+        prop_assert!(met > 0 || input.columns[1] - input.columns[0] < 16);
+    }
+}
+
+#[test]
+fn a_direct_pixel_below_zero_makes_no_fragment() {
+    // dx² and dy² of (3/16, −3/16) truncate to 0, and dx·dy to −1/16.
+    let square = Word::new(Format::signed(20, 4)).rounded(Rounding::Truncate);
+    for (cross, fragments) in [(0.5, 0), (0.0, 1), (-0.5, 1)] {
+        let mut machine = direct("reference", Some(square));
+        machine.raster.offset = Word::new(Format::signed(14, 4));
+        let (raster, centre) = (unit(&machine), 0.5 - 3.0 / 16.0);
+        let input = Input {
+            pixel: [
+                word(machine.project.pixel, centre),
+                word(machine.project.pixel, 1.0 - centre),
+            ],
+            conic: [
+                word(machine.ellipse.conic, 1.0),
+                word(machine.ellipse.conic_cross, cross),
+                word(machine.ellipse.conic, 1.0),
+            ],
+            columns: [256; 2],
+            rows: [192; 2],
+            ..Input::default()
+        };
+        let cutoff = raster.cutoff(1 << machine.raster.cutoff.format.frac_bits);
+        let (_, span) = drawn(&raster, &input, [256, 192], cutoff, &mut NoProbe);
+        assert_eq!(span.fragments(), fragments, "{cross}");
+    }
+}
+
+#[test]
+fn direct_words_that_cannot_hold_are_refused() {
+    let errors = |change: &dyn Fn(&mut Machine)| {
+        let mut machine = direct("reference", None);
+        change(&mut machine);
+        machine.elaborate().unwrap_err().join(" ")
+    };
+    let wide = errors(&|machine| machine.raster.square = None);
+    assert!(
+        wide.contains("raster.square is I30F24, 54 bits on a port that carries 32"),
+        "{wide}"
+    );
+    let unsigned =
+        errors(&|machine| machine.raster.square = Some(Word::new(Format::unsigned(20, 10))));
+    assert!(
+        unsigned.contains("raster.square is U20F10, but its values are signed"),
+        "{unsigned}"
+    );
+    let unused = errors(&|machine| machine.raster.rows = Rows::Seeded);
+    assert_eq!(
+        unused,
+        "raster.square is given, but only raster.rows `direct` uses it"
+    );
+    let tested = errors(&|machine| {
+        machine.bin = Some(crate::machine::Bin {
+            test: crate::machine::BinTest::Ellipse,
+            ..Default::default()
+        });
+    });
+    assert!(
+        tested.contains("raster.rows is direct: use bin.test `box`"),
+        "{tested}"
+    );
 }
 
 proptest! {
