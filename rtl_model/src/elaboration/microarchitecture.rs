@@ -542,6 +542,10 @@ impl Machine {
             ..self.timing
         };
         check(t, e);
+        let has_masks = self.bin.is_some_and(|bin| bin.subtile_px.is_some());
+        e.require(!has_masks || t.raster.row_cycles.unwrap_or(0) == 0, || {
+            "timing.raster.row_cycles sets up rows of boxes, but bin.subtile_px cuts boxes into runs: leave one of them out".into()
+        });
         check_memory(&self.timing.memory, &memory, e);
         // Fragments never merge if a pixel has one fragment or one open sheet.
         let merges = t.technology != Technology::Ideal
@@ -1345,6 +1349,16 @@ fn check(timing: &Timing, e: &mut Elaboration) {
         ("resolve.interval", timing.resolve.interval, latency.clone()),
         ("fragment.merge", timing.fragment.merge, 0..=4096),
         (
+            "raster.row_cycles",
+            timing.raster.row_cycles.unwrap_or(0),
+            0..=1024,
+        ),
+        (
+            "tile.clear_cycles",
+            timing.tile.clear_cycles.unwrap_or(0),
+            0..=MOST,
+        ),
+        (
             "memory.bytes_per_cycle",
             timing.memory.bytes_per_cycle,
             1..=MOST,
@@ -1424,7 +1438,9 @@ fn check(timing: &Timing, e: &mut Elaboration) {
     e.require(ways > 64 || ways <= lines, || {
         format!("timing.cache has {lines} lines in sets of {ways}: no set is full")
     });
-    let Tile { side_px, buffers } = timing.tile;
+    let Tile {
+        side_px, buffers, ..
+    } = timing.tile;
     let is_side = |multiple: u32, most: u32| side_px % multiple == 0 && side_px <= most;
     e.require(side_px > 0 && (is_side(4, 128) || is_side(16, 1024)), || {
         format!("timing.tile.side_px is {side_px}: it must be a multiple of 4 up to 128, or of 16 up to 1024")

@@ -105,6 +105,7 @@ pub(super) fn gscore() -> Machine {
             tile: Tile {
                 side_px: 16,
                 buffers: 2,
+                clear_cycles: None,
             },
             memory: lpddr4(t.memory),
             ..t
@@ -169,6 +170,7 @@ pub(super) fn nycu() -> Machine {
             tile: Tile {
                 side_px: 16,
                 buffers: 2,
+                clear_cycles: None,
             },
             memory: lpddr4(t.memory),
             ..t

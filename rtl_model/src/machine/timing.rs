@@ -274,6 +274,10 @@ pub struct Raster {
     /// Pixels tested per cycle: columns and rows of a stamp. A stamp with one covered pixel costs
     /// as much as a full one.
     pub lanes: [u32; 2],
+    /// Cycles before the first stamp of each row of stamps, in which the row is set up, 0 to 1024.
+    /// Left out, 0. A machine with masks of subtiles has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub row_cycles: Option<u32>,
     /// Cycles from a stamp to its contributions; left out, the least that the formats and the clock
     /// allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -323,6 +327,11 @@ pub struct Tile {
     /// 1: a tile is drawn after the previous one is resolved. 2: while the previous one is
     /// resolved; merging and resolving then have separate shade units.
     pub buffers: u32,
+    /// Cycles in which the buffer of a tile is cleared before its first fragment, 0 to 1048576.
+    /// Clearing begins when the previous tile of the engine has its last fragment and the buffer is
+    /// free. Left out, 0: a bit per pixel marks those that were written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clear_cycles: Option<u32>,
 }
 
 /// The fragment unit. Its lanes are those of the rasteriser.
@@ -754,6 +763,7 @@ pub const DEFAULT: Timing = Timing {
     sort: None,
     raster: Raster {
         lanes: [4, 1],
+        row_cycles: None,
         latency: None,
         fifo: 16,
     },
@@ -772,6 +782,7 @@ pub const DEFAULT: Timing = Timing {
     tile: Tile {
         side_px: 16,
         buffers: 1,
+        clear_cycles: None,
     },
     fragment: Fragment {
         units: None,

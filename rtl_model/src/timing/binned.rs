@@ -247,6 +247,8 @@ struct Engine<'a> {
     outstanding: Outstanding,
     /// The cycles from which the buffers of the last tiles are free again, the earlier tile first.
     buffers: [u64; 2],
+    /// Last cycle in which a fragment of the previous tile is written.
+    written: u64,
     list_from: u64,
     tile: Option<TileState>,
     /// Footprints of the current list.
@@ -348,6 +350,7 @@ impl<'a> Engine<'a> {
             masks: ListMasks::new(t),
             outstanding: Outstanding::new(t.timing.memory.outstanding),
             buffers: [from; 2],
+            written: from,
             list_from: from,
             tile: None,
             footprints: Vec::new(),
@@ -533,7 +536,10 @@ impl<'a> SecondPass<'a> {
             stops.begin(corner, t.tile.side_px);
             stops.tile
         });
-        let buffer_free = engine.buffers[if t.tile.buffers == 2 { 0 } else { 1 }];
+        let mut buffer_free = engine.buffers[if t.tile.buffers == 2 { 0 } else { 1 }];
+        if let Some(cycles) = t.tile.clear_cycles.filter(|cycles| *cycles > 0) {
+            buffer_free = buffer_free.max(engine.written) + u64::from(cycles);
+        }
         TileState {
             place,
             turn,
@@ -700,6 +706,7 @@ impl<'a> SecondPass<'a> {
     ) -> u64 {
         let [columns, rows] = self.area(tile.place);
         let written = engine.merge.written.max(stops.map_or(0, StopMap::known));
+        engine.written = written;
         let shade = match &mut engine.lit {
             Some(lit) => (lit, &mut engine.lit_texels),
             None => (&mut engine.merge.shade, &mut engine.merge.texels),

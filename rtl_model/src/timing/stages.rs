@@ -381,6 +381,8 @@ impl<'a> Fill<'a> {
         };
         if walk.runs().is_some_and(|runs| runs.len() != 1) {
             self.footprint_of_runs(walk, ready, &mut so_far, &mut next);
+        } else if self.row_cycles() > 0 {
+            self.footprint_of_rows(walk, stamps, ready, &mut so_far, &mut next);
         } else if let Some(pieces) = walk.single() {
             for piece in pieces {
                 self.stamp(
@@ -437,6 +439,38 @@ impl<'a> Fill<'a> {
                 so_far.gone_through = run.stamps[1];
                 let now = self.empty_stamps(ready, empty.into());
                 so_far.first_taken = so_far.first_taken.min(now);
+            }
+        }
+    }
+
+    /// Cycles in which a row of stamps is set up.
+    #[inline(always)]
+    fn row_cycles(&self) -> u64 {
+        self.timing.timing.raster.row_cycles.unwrap_or(0).into()
+    }
+
+    /// Stamps of a machine that sets up each row of them.
+    #[inline(never)]
+    fn footprint_of_rows(
+        &mut self,
+        walk: &Stamps,
+        stamps: u32,
+        ready: Ready,
+        so_far: &mut FootprintProgress,
+        next: &mut impl FnMut(Stamp, u64) -> u64,
+    ) {
+        let mut kept = walk.kept().peekable();
+        for row in (0..stamps).step_by(walk.across() as usize) {
+            let now = self.raster.take_run(ready, self.row_cycles());
+            so_far.first_taken = so_far.first_taken.min(now);
+            let end = row + walk.across();
+            while let Some(stamp) = kept.next_if(|stamp| stamp[0].stamp < end) {
+                self.stamp(walk, stamp, ready, so_far, next);
+            }
+            let empty = end - so_far.gone_through;
+            if empty > 0 {
+                so_far.gone_through = end;
+                self.empty_stamps(ready, empty.into());
             }
         }
     }
@@ -567,6 +601,16 @@ impl<'a> Fill<'a> {
                 if stopped > now {
                     self.seeds += 1;
                     first_taken = first_taken.min(self.raster.take_run(ready, 1));
+                }
+            }
+            // A row is set up, as long as some of its pixels have not stopped.
+            if self.row_cycles() > 0 && nth % walk.across() == 0 {
+                let stopped = stops.area(walk.row(nth));
+                for _ in 0..self.row_cycles() {
+                    let now = self.raster.free().max(here).max(memory);
+                    if stopped > now {
+                        first_taken = first_taken.min(self.raster.take_run(ready, 1));
+                    }
                 }
             }
             let stamp = pieces

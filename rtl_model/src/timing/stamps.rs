@@ -200,6 +200,18 @@ impl<'a> Stamps<'a> {
         &self.texels
     }
 
+    /// Stamps of a row of the footprint, which is not cut by a mask.
+    pub fn across(&self) -> u32 {
+        u32::from(self.sides[0][1] - self.sides[0][0]) / self.lanes[0] + 1
+    }
+
+    /// Columns and rows of the row that begins with a stamp.
+    pub fn row(&self, stamp: u32) -> [Range<usize>; 2] {
+        let [first, last] = self.sides[0].map(usize::from);
+        let [_, rows] = self.area(stamp);
+        [first..last + 1, rows]
+    }
+
     /// Columns and rows of one of its stamps.
     pub fn area(&self, stamp: u32) -> [Range<usize>; 2] {
         let (first_stamp, sides) = self.run_of(stamp);

@@ -903,6 +903,8 @@ impl<'a> BinnedMachine<'a> {
 
     fn fragment(&mut self, e: usize) {
         let (now, buffers) = (self.now, self.buffers());
+        let clear = u64::from(self.timing.timing.tile.clear_cycles.unwrap_or(0));
+        let (from, tiles) = (self.from, &self.tiles);
         let Engine {
             fill,
             merge,
@@ -917,8 +919,18 @@ impl<'a> BinnedMachine<'a> {
                 .position(|tile| *tile == stamp.tile)
                 .expect("a tile that was taken");
             let before = turn.checked_sub(buffers);
-            let has_buffer =
-                before.is_none_or(|turn| resolved.get(turn).is_some_and(|at| *at <= now));
+            let buffer = before.map_or(Some(from), |turn| resolved.get(turn).copied());
+            let has_buffer = if clear == 0 {
+                buffer.is_some_and(|at| at <= now)
+            } else {
+                // Cleared behind the previous tile of the engine.
+                let previous = turn.checked_sub(1).map_or(Some(from), |turn| {
+                    let tile = &tiles[taken[turn]];
+                    (tile.left == 0).then_some(tile.last)
+                });
+                let from = buffer.zip(previous).map(|(one, other)| one.max(other));
+                from.is_some_and(|from| from + clear <= now)
+            };
             if has_buffer { Act::Take(1) } else { Act::Block }
         });
         if merge.fragment(now, stamp, reason) {

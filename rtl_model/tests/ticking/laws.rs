@@ -35,6 +35,8 @@ fn single(rng: &mut Rng) -> Timing {
     (timing.project.units, timing.ellipse.units) = (1, 1);
     timing.memory = ideal(1 + rng.below(30) as u32, 1 << 16, 64);
     timing.fetch.fifo = 64;
+    // Laws in closed form; `a_row_of_a_box_takes_the_cycles_of_its_set_up`.
+    (timing.raster.row_cycles, timing.tile.clear_cycles) = (None, None);
     timing
 }
 
@@ -90,6 +92,17 @@ fn a_splat_of_a_pixel_takes_the_sum_of_all_latencies() {
             u64::from(total),
             "seed {seed}"
         );
+    }
+}
+
+#[test]
+fn a_row_of_a_box_takes_the_cycles_of_its_set_up() {
+    for seed in 0..100 {
+        let timing = single(&mut Rng(seed));
+        let mut other = timing;
+        other.raster.row_cycles = Some(7);
+        let [plain, set_up] = [timing, other].map(|timing| cycles(timing, &dots(1, 1, 0)));
+        assert_eq!(set_up, plain + 7, "seed {seed}");
     }
 }
 

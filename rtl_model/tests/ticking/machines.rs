@@ -7,7 +7,7 @@ use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
 use rtl_model::machine::timing::{
     Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster,
-    Resolve, Setup, Shade, Sorter, Stage, Technology, Timing,
+    Resolve, Setup, Shade, Sorter, Stage, Technology, Tile, Timing,
 };
 use rtl_model::machine::{Bin, BinTest, MaskMaker, SortKind};
 
@@ -115,6 +115,7 @@ pub fn with_masks(rng: &mut Rng, machine: Machine) -> Machine {
     let subtile_px = 4 << rng.below(3) as u32;
     let across = 1 + rng.below([8, 6, 3][subtile_px as usize / 8]) as u32;
     machine.timing.tile.side_px = across * subtile_px;
+    machine.timing.raster.row_cycles = None;
     machine.timing.memory.burst_bytes = machine.timing.memory.burst_bytes.max(16);
     let bin = machine.bin.as_mut().unwrap();
     bin.subtile_px = Some(subtile_px);
@@ -174,6 +175,9 @@ pub fn random(rng: &mut Rng) -> Timing {
         }
     });
     let lines = of(rng, &[1, 2, 4, 8, 16, 16, 64, 512]);
+    let rng_of_set_up = &mut Rng(rng.0 ^ 0x5e70);
+    let row_cycles = (rng_of_set_up.below(3) == 0).then(|| to(rng_of_set_up, 4));
+    let clear_cycles = (rng_of_set_up.below(3) == 0).then(|| to(rng_of_set_up, 90));
     let lanes = [[1, 1], [2, 2], [4, 1], [4, 4], [8, 1], [1, 3], [3, 2]][rng.below(7) as usize];
     Timing {
         organisation: Organisation::Immediate,
@@ -184,6 +188,7 @@ pub fn random(rng: &mut Rng) -> Timing {
         colour,
         raster: Raster {
             lanes,
+            row_cycles,
             latency: Some(to(rng, 9)),
             fifo: to(rng, 6),
         },
@@ -214,6 +219,10 @@ pub fn random(rng: &mut Rng) -> Timing {
             units: None,
             latency: Some(to(rng, 9)),
             interval: to(rng, 3),
+        },
+        tile: Tile {
+            clear_cycles,
+            ..DEFAULT.tile
         },
         memory: {
             let outstanding = match rng.below(3) {

@@ -244,6 +244,18 @@ pub fn stamps_of(
     let lines_across = (scene.width as usize).div_ceil(line_width);
     let mut stamps = VecDeque::new();
     for top in (top_most..=bottom_most).step_by(lanes[1]) {
+        let end = (bottom_most + 1).min(top + lanes[1]);
+        for _ in 0..timing.timing.raster.row_cycles.unwrap_or(0) {
+            stamps.push_back(Stamp {
+                is_seed: true,
+                tested: (top..end)
+                    .flat_map(|y| {
+                        (left_most..=right_most).map(move |x| y * scene.width as usize + x)
+                    })
+                    .collect(),
+                ..Stamp::default()
+            });
+        }
         for left in (left_most..=right_most).step_by(lanes[0]) {
             let mut stamp = Stamp::default();
             for y in top..(bottom_most + 1).min(top + lanes[1]) {
@@ -279,6 +291,9 @@ pub fn stamps_of(
             }
             stamps.push_back(stamp);
         }
+    }
+    if right_most < left_most {
+        stamps.clear();
     }
     stamps
 }

@@ -44,10 +44,13 @@ fn are_alike(one: &Microarchitecture, other: &Microarchitecture) -> bool {
 
 /// Whether a machine can be batched, for a frame without reflections and stops.
 fn can_be_batched(timing: &Microarchitecture) -> bool {
-    timing.timing.organisation == Organisation::Binned
+    let t = &timing.timing;
+    let is_plain = t.raster.row_cycles.is_none() && t.tile.clear_cycles.is_none();
+    t.organisation == Organisation::Binned
         && timing.is_single()
         && !timing.overlaps_sort()
         && !cuts(timing)
+        && is_plain
 }
 
 /// Smaller batches are not faster than single replays.
