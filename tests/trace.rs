@@ -1266,6 +1266,86 @@ fn a_raster_in_python_gives_every_record() {
     assert_eq!(raster(&trace.folder).status.code(), Some(1));
 }
 
+/// Does `cubed` have the bits of the renderer that it is named after? The program has its published
+/// rules, from the record of a projected Gaussian to the pixel.
+#[test]
+fn cubed_in_python_gives_every_pixel() {
+    if !have(&["python3"], "cubed in another language") {
+        return;
+    }
+    // Records of 32 bytes: position, scales, colour, opacity, orientation.
+    const COUNT: usize = 10_000;
+    let mut random = 1u64;
+    let mut part = |least: f32, most: f32| {
+        random = random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        least + (most - least) * (random >> 40) as f32 / (1 << 24) as f32
+    };
+    let mut bytes = Vec::with_capacity(32 * COUNT);
+    for _ in 0..COUNT {
+        let position = [part(-2.0, 2.0), part(-1.5, 1.5), part(-2.0, 2.0)];
+        // From 1/60 to 1/6, some of them needles.
+        let scales = [(); 3].map(|()| 10f32.powf(part(-2.6, -0.9)));
+        let numbers = position.into_iter().chain(scales);
+        bytes.extend(numbers.flat_map(f32::to_le_bytes));
+        bytes.extend([(); 8].map(|()| part(0.0, 256.0) as u8));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("random.splat");
+    std::fs::write(&file, bytes).unwrap();
+    let scene = json!({
+        "splats": {"file": file.to_str().unwrap()},
+        // The greatest weight: no weight is limited.
+        "sheets": {"most_weight": 127.0 / 128.0},
+        "camera": {"eye": [0, 0, 6], "target": [0, 0, 0]},
+        "image": {"width": 160, "height": 120},
+    });
+    let only = Window {
+        units: ["pipeline", "sort", "raster", "resolve"]
+            .map(String::from)
+            .to_vec(),
+        ..Window::default()
+    };
+    let trace = traced(&scene.to_string(), &machine("cubed", &[]), &only);
+    let cubed = || {
+        Command::new("python3")
+            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/programs/cubed.py"))
+            .arg(&trace.folder)
+            .output()
+            .unwrap()
+    };
+    let output = cubed();
+    let told = [&output.stdout[..], &output.stderr]
+        .map(String::from_utf8_lossy)
+        .concat();
+    println!("{told}");
+    assert!(output.status.success(), "{told}");
+    let numbers: Vec<u32> = told
+        .split(' ')
+        .filter_map(|part| part.parse().ok())
+        .collect();
+    let [gaussians, blends, pixels] = numbers[..] else {
+        panic!("{told}");
+    };
+    assert!(
+        gaussians > 9_000 && blends > 200_000 && pixels == 19_200,
+        "{told}"
+    );
+    // One bit of one pixel.
+    let path = trace.path("resolve.out.hex");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let (line, rest) = text.split_once('\n').unwrap();
+    let red = &trace.stream("resolve.out")["fields"][trace.field("resolve.out", "red")];
+    let wrong = u128::from_str_radix(line, 16).unwrap() ^ 1 << red["lsb"].as_u64().unwrap();
+    std::fs::write(
+        &path,
+        format!("{wrong:0width$x}\n{rest}", width = line.len()),
+    )
+    .unwrap();
+    assert_eq!(cubed().status.code(), Some(1));
+}
+
 #[test]
 fn a_window_replays_alone() {
     let (text, machine) = (cloud(2400, 32), machine("tiny", &[]));

@@ -7,20 +7,23 @@
 `timescale 1ns / 1ps
 `default_nettype none
 
-module fragment_read (
-    input wire [3*machine_pkg::FRAGMENT_COLOUR_SUM_W-1:0] colours, // in the words of sums
-    input wire [machine_pkg::FRAGMENT_OPACITY_SUM_W-1:0] opacity,  // likewise
-    output wire [4*machine_pkg::SHADE_PREMULTIPLIED_W-1:0] lit     // colour times opacity, and opacity
+module fragment_read #(
+    parameter int COLOUR_W = machine_pkg::FRAGMENT_COLOUR_SUM_W,   // bits of a colour
+    parameter int COLOUR_F = machine_pkg::FRAGMENT_COLOUR_SUM_F,   // its fraction bits
+    parameter int OPACITY_W = machine_pkg::FRAGMENT_OPACITY_SUM_W, // bits of the opacity
+    parameter int OPACITY_F = machine_pkg::FRAGMENT_OPACITY_SUM_F  // its fraction bits
+) (
+    input wire [3*COLOUR_W-1:0] colours,                       // in the words of a slot
+    input wire [OPACITY_W-1:0] opacity,                        // likewise
+    output wire [4*machine_pkg::SHADE_PREMULTIPLIED_W-1:0] lit // colour times opacity, and opacity
 );
   localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;
   localparam int LIGHT_F = machine_pkg::SHADE_PREMULTIPLIED_F;
-  localparam int COLOUR_W = machine_pkg::FRAGMENT_COLOUR_SUM_W;
-  localparam int OPACITY_W = machine_pkg::FRAGMENT_OPACITY_SUM_W;
 
   for (genvar channel = 0; channel < 3; channel++) begin : g_colour
     fit #(
         .IN_W(COLOUR_W + 1),
-        .PLACES(machine_pkg::FRAGMENT_COLOUR_SUM_F - LIGHT_F),
+        .PLACES(COLOUR_F - LIGHT_F),
         .W(LIGHT_W),
         .S(machine_pkg::SHADE_PREMULTIPLIED_S),
         .ROUND(machine_pkg::SHADE_PREMULTIPLIED_ROUND),
@@ -32,7 +35,7 @@ module fragment_read (
   end
   fit #(
       .IN_W(OPACITY_W + 1),
-      .PLACES(machine_pkg::FRAGMENT_OPACITY_SUM_F - LIGHT_F),
+      .PLACES(OPACITY_F - LIGHT_F),
       .W(LIGHT_W),
       .S(machine_pkg::SHADE_PREMULTIPLIED_S),
       .ROUND(machine_pkg::SHADE_PREMULTIPLIED_ROUND),

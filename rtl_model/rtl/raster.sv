@@ -153,7 +153,7 @@ module raster #(
   fit #(.IN_W(2 * OFFSET_W), .PLACES(2 * OFFSET_F - SQUARE_F), .W(SQUARE_W), .S(1), .ROUND(machine_pkg::RASTER_SQUARE_ROUND),
       .WRAP(machine_pkg::RASTER_SQUARE_WRAP)) of_y (.exact(exact_y), .word(square_y));
 
-  wire signed [SUM_W-1:0] sum = SUM_W'(xx) * square_x + ((SUM_W'(xy) * square_both) <<< 1) + SUM_W'(yy) * square_y;
+  wire signed [SUM_W-1:0] sum = SUM_W'(xx) * square_x + ((SUM_W'(xy) * square_both) <<< (1 + machine_pkg::ELLIPSE_CONIC_F - machine_pkg::ELLIPSE_CONIC_CROSS_F)) + SUM_W'(yy) * square_y;
   wire signed [RADIAL_W-1:0] radial_here;
   fit #(.IN_W(SUM_W), .PLACES(machine_pkg::ELLIPSE_CONIC_F + SQUARE_F - machine_pkg::RASTER_RADIAL_F), .W(RADIAL_W), .S(1),
       .ROUND(machine_pkg::RASTER_RADIAL_ROUND), .WRAP(machine_pkg::RASTER_RADIAL_WRAP)) evaluated (.exact(sum), .word(radial_here));

@@ -7,7 +7,7 @@
 //   m <- outcome of each contribution        h <- after the last one: contents of all pixels
 //
 // If each splat is a separate sheet, nothing is added: its weight, clamped to a limit, is blended
-// at once. A pixel whose transmittance is below `stop` takes no more contributions.
+// at once. With MACHINE_COMPOSITE every splat is, and a composite has a word of its own. A pixel whose transmittance is below `stop` takes no more contributions.
 //
 // A contribution is taken in one cycle. In the next cycle its pixel is read and the outcome is
 // decided, and HAZARD - 2 registers later the pixel is written: the same pixel can be taken again
@@ -61,6 +61,31 @@ module sheets #(
   localparam int COLOUR_W = machine_pkg::FRAGMENT_COLOUR_SUM_W;
   localparam int OPACITY_W = machine_pkg::FRAGMENT_OPACITY_SUM_W;
   localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;
+
+  // The words of a composite: colour and opacity.
+`ifdef MACHINE_COMPOSITE
+  localparam int HELD_W = machine_pkg::FRAGMENT_COMPOSITE_W;
+  localparam int HELD_F = machine_pkg::FRAGMENT_COMPOSITE_F;
+  localparam int HELD_S = machine_pkg::FRAGMENT_COMPOSITE_S;
+  localparam int HELD_ROUND = machine_pkg::FRAGMENT_COMPOSITE_ROUND;
+  localparam int HELD_WRAP = machine_pkg::FRAGMENT_COMPOSITE_WRAP;
+  localparam int THICK_W = HELD_W;
+  localparam int THICK_F = HELD_F;
+  localparam int THICK_S = HELD_S;
+  localparam int THICK_ROUND = HELD_ROUND;
+  localparam int THICK_WRAP = HELD_WRAP;
+`else
+  localparam int HELD_W = COLOUR_W;
+  localparam int HELD_F = machine_pkg::FRAGMENT_COLOUR_SUM_F;
+  localparam int HELD_S = machine_pkg::FRAGMENT_COLOUR_SUM_S;
+  localparam int HELD_ROUND = machine_pkg::FRAGMENT_COLOUR_SUM_ROUND;
+  localparam int HELD_WRAP = machine_pkg::FRAGMENT_COLOUR_SUM_WRAP;
+  localparam int THICK_W = OPACITY_W;
+  localparam int THICK_F = machine_pkg::FRAGMENT_OPACITY_SUM_F;
+  localparam int THICK_S = machine_pkg::FRAGMENT_OPACITY_SUM_S;
+  localparam int THICK_ROUND = machine_pkg::FRAGMENT_OPACITY_SUM_ROUND;
+  localparam int THICK_WRAP = machine_pkg::FRAGMENT_OPACITY_SUM_WRAP;
+`endif
 
   // A pixel as in its record, without x and y: stopped, closed, composite, and the open sheet. Blue
   // is the last colour.
@@ -203,31 +228,32 @@ module sheets #(
       .colours(each_splat ? colours_become : held[SHEET_COLOURS+:3*COLOUR_W]),
       .light(light)
   );
-  fragment_read read_composite (.colours(held[COLOURS+:3*COLOUR_W]), .opacity(held[OPACITY+:OPACITY_W]), .lit(composite));
+  fragment_read #(.COLOUR_W(HELD_W), .COLOUR_F(HELD_F), .OPACITY_W(THICK_W), .OPACITY_F(THICK_F)) read_composite (
+      .colours(held[COLOURS+:3*HELD_W]), .opacity(held[OPACITY+:THICK_W]), .lit(composite));
   wire [4*LIGHT_W-1:0] over = back_to_front ? light : composite;
   wire [4*LIGHT_W-1:0] under = back_to_front ? composite : light;
-  wire [3*COLOUR_W-1:0] blended_colours;
-  wire [OPACITY_W-1:0] blended_opacity;
+  wire [3*HELD_W-1:0] blended_colours;
+  wire [THICK_W-1:0] blended_opacity;
   for (genvar channel = 0; channel < 3; channel++) begin : g_blend
     fragment_over #(
-        .W(COLOUR_W),
-        .F(machine_pkg::FRAGMENT_COLOUR_SUM_F),
-        .S(machine_pkg::FRAGMENT_COLOUR_SUM_S),
-        .ROUND(machine_pkg::FRAGMENT_COLOUR_SUM_ROUND),
-        .WRAP(machine_pkg::FRAGMENT_COLOUR_SUM_WRAP)
+        .W(HELD_W),
+        .F(HELD_F),
+        .S(HELD_S),
+        .ROUND(HELD_ROUND),
+        .WRAP(HELD_WRAP)
     ) blend_colour (
         .front(over[(channel+1)*LIGHT_W+:LIGHT_W]),
         .back(under[(channel+1)*LIGHT_W+:LIGHT_W]),
         .opacity(over[LIGHT_W-1:0]),
-        .word(blended_colours[channel*COLOUR_W+:COLOUR_W])
+        .word(blended_colours[channel*HELD_W+:HELD_W])
     );
   end
   fragment_over #(
-      .W(OPACITY_W),
-      .F(machine_pkg::FRAGMENT_OPACITY_SUM_F),
-      .S(machine_pkg::FRAGMENT_OPACITY_SUM_S),
-      .ROUND(machine_pkg::FRAGMENT_OPACITY_SUM_ROUND),
-      .WRAP(machine_pkg::FRAGMENT_OPACITY_SUM_WRAP)
+      .W(THICK_W),
+      .F(THICK_F),
+      .S(THICK_S),
+      .ROUND(THICK_ROUND),
+      .WRAP(THICK_WRAP)
   ) blend_opacity (
       .front(over[LIGHT_W-1:0]),
       .back(under[LIGHT_W-1:0]),
@@ -235,10 +261,10 @@ module sheets #(
       .word(blended_opacity)
   );
   // An opacity of more than 1 gives a negative transmittance.
-  localparam int THROUGH_W = OPACITY_W + 2;
-  localparam [THROUGH_W-1:0] ONE = THROUGH_W'(1) << machine_pkg::FRAGMENT_OPACITY_SUM_F;
-  wire signed [THROUGH_W-1:0] through = $signed(ONE) - $signed({2'b0, blended_opacity});
-  wire opaque = !back_to_front && through < $signed({2'b0, stop});
+  localparam int THROUGH_W = (OPACITY_W > THICK_W ? OPACITY_W : THICK_W) + 2;
+  localparam [THROUGH_W-1:0] ONE = THROUGH_W'(1) << THICK_F;
+  wire signed [THROUGH_W-1:0] through = $signed(ONE) - $signed(THROUGH_W'(blended_opacity));
+  wire opaque = !back_to_front && through < $signed(THROUGH_W'(stop));
   wire kept = !opaque || keeps_last;
 
   // The outcome of the contribution.
@@ -252,8 +278,8 @@ module sheets #(
   wire [STATE_W-1:0] decided;
   assign decided[STOPPED] = stops;
   assign decided[CLOSED] = each_splat || stops;
-  assign decided[COLOURS+:3*COLOUR_W] = blends && kept ? blended_colours : held[COLOURS+:3*COLOUR_W];
-  assign decided[OPACITY+:OPACITY_W] = blends && kept ? blended_opacity : held[OPACITY+:OPACITY_W];
+  assign decided[COLOURS+:3*HELD_W] = blends && kept ? blended_colours : held[COLOURS+:3*HELD_W];
+  assign decided[OPACITY+:THICK_W] = blends && kept ? blended_opacity : held[OPACITY+:THICK_W];
   assign decided[SHEET+:SHEET_W] = sheet;
   assign decided[WEIGHT+:WEIGHT_W] = weight_becomes;
   assign decided[SHEET_COLOURS+:3*COLOUR_W] = colours_become;
@@ -364,9 +390,9 @@ module sheets #(
   // The complete light: the composite, with the open sheet blended into it.
   wire closed = held[CLOSED];
   wire [4*LIGHT_W-1:0] lit;
-  fragment_read read_all (
-      .colours(closed ? held[COLOURS+:3*COLOUR_W] : blended_colours),
-      .opacity(closed ? held[OPACITY+:OPACITY_W] : blended_opacity),
+  fragment_read #(.COLOUR_W(HELD_W), .COLOUR_F(HELD_F), .OPACITY_W(THICK_W), .OPACITY_F(THICK_F)) read_all (
+      .colours(closed ? held[COLOURS+:3*HELD_W] : blended_colours),
+      .opacity(closed ? held[OPACITY+:THICK_W] : blended_opacity),
       .lit(lit)
   );
   assign h_data = {at_x, at_y, held[STATE_W-1:SHEET+SHEET_W], closed ? (SHEET + SHEET_W)'(0) : held[SHEET+SHEET_W-1:0], lit};

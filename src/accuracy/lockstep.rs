@@ -33,6 +33,7 @@ use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
 use pixel::{ATTRIBUTES, BoundedContribution, Common, FragmentPixel, SumLimits};
 use rayon::prelude::*;
+use rtl_model::machine::Rows;
 use rtl_model::pipeline;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::real::Footprint as NearFootprint;
@@ -436,6 +437,14 @@ impl<'a> FrameContext<'a> {
                 .is_some_and(|least| splat.record.opacity.may_cross(least))
     }
 
+    /// Whether the machine may leave out an r, by rules that golden does not have: its own limit of
+    /// the cutoff, and none below 0.
+    fn may_leave_out(&self, radial: Near, exact: f64) -> bool {
+        let most = self.machine.machine.raster.most_cutoff;
+        most.is_some_and(|most| exact >= f64::from(most))
+            || self.machine.machine.raster.rows == Rows::Direct && exact - radial.error <= 0.0
+    }
+
     /// Whether machine and `golden` may differ about whether the splat reaches a pixel.
     fn may_cover(&self, splat: &BoundedSplat, x: u32, y: u32) -> bool {
         let at = self.at(x, y);
@@ -454,6 +463,7 @@ impl<'a> FrameContext<'a> {
             .around(exact.radial_index)
             .may_cross(self.view.cutoff)
             || contribution.weight.around(exact.weight).low() <= self.least_weight.high()
+            || self.may_leave_out(contribution.radial, exact.radial_index)
             || outside(0)
             || outside(1)
     }

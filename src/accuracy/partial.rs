@@ -241,6 +241,10 @@ impl<'a> MixedDrawing<'a> {
             .collect();
         if ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted) {
             footprints.sort_by(|a, b| a.key.total_cmp(&b.key));
+            // The farthest first; equal keys stay in the order of the scene.
+            if (self.quantised.frame.sheets.as_ref()).is_some_and(|sheets| sheets.back_to_front) {
+                footprints.sort_by(|a, b| b.key.total_cmp(&a.key));
+            }
         }
         footprints
     }

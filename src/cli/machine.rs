@@ -139,6 +139,7 @@ fn list() -> Result<String> {
         "after GSCore (ASPLOS 2024)",
         "after FLICKER (DATE 2026)",
         "after NYCU's chip (TVCG 2026)",
+        "an open renderer for an FPGA: Gaussians",
     ];
     let mut table = plain_table(&["machine", "widest operand", "fragment", ""]);
     for (machine, description) in Machine::names()

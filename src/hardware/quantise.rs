@@ -512,11 +512,11 @@ impl RegisterLoader<'_> {
                 .map(|off| self.hold("project.pixel", p.pixel, off)),
             aspect: self.aspect(view),
             low_pass: self.hold("ellipse.low_pass", e.low_pass, scene.kernel.low_pass),
-            cutoff: self.cutoff(raster.cutoff, scene.kernel.cutoff),
+            cutoff: self.cutoff(raster.cutoff, limited_cutoff(self.machine, scene)),
             root_cutoff: self.hold(
                 "ellipse.root_cutoff",
                 e.root_cutoff,
-                scene.kernel.cutoff.sqrt(),
+                limited_cutoff(self.machine, scene).sqrt(),
             ),
             cull_backfaces: scene.surface.cull_backfaces,
         }
@@ -716,8 +716,17 @@ impl RegisterLoader<'_> {
     }
 
     fn sheets(&mut self, scene: &Scene) -> Option<frame::Sheets> {
-        let sheets = scene.sheets.as_ref()?;
         let machine = self.machine;
+        let composite = machine.fragment.composite();
+        let is_of_gaussians =
+            (scene.sheets.as_ref()).is_some_and(|sheets| sheets.of == Sheet::Splat);
+        if composite.is_some() && !is_of_gaussians {
+            self.refuse(
+                "it blends each Gaussian into its pixel, and these splats are no Gaussians: `--machine gaussian` draws them, or `reference` if they are discs".into(),
+            );
+            return None;
+        }
+        let sheets = scene.sheets.as_ref()?;
         let Some(words) = &machine.fragment.sheets else {
             self.refuse(
                 "it groups only by depth, and these splats are grouped by sheets: `--machine volume` or `--machine gaussian` does".into(),
@@ -731,8 +740,12 @@ impl RegisterLoader<'_> {
         Some(frame::Sheets {
             each,
             numbers,
-            back_to_front: sheets.back_to_front,
-            stop: quantised(machine.fragment.opacity_sum, sheets.stop),
+            back_to_front: sheets.back_to_front || composite.is_some(),
+            // Nothing is hidden by what is drawn later.
+            stop: composite.map_or_else(
+                || quantised(machine.fragment.opacity_sum, sheets.stop),
+                |_| 0,
+            ),
             keeps_last: sheets.keeps_last,
             least_weight: quantised(machine.gauss.weight, sheets.least_weight),
             most_weight: self.hold("gauss.weight", machine.gauss.weight, sheets.most_weight),
@@ -914,6 +927,12 @@ fn table_words(
         .collect()
 }
 
+/// The cutoff that a machine uses for a scene.
+pub fn limited_cutoff(machine: &Machine, scene: &Scene) -> f64 {
+    let most = machine.raster.most_cutoff.map_or(f64::INFINITY, f64::from);
+    scene.kernel.cutoff.min(most)
+}
+
 /// Extra reach of a box, as a fraction of the radial index, for errors of the conic's words and the
 /// differencing registers. A pixel that they draw nearer than it is then still is in the box.
 const REACH_MARGIN: f64 = 1.0 / 32.0;
@@ -927,7 +946,7 @@ fn reach_words(machine: &Machine, reach: &Reach, bits: u32, least: i64, scene: &
         machine.gauss.radial_index.format,
     );
     let steps = 1i64 << bits.min(12);
-    let frame = quantised(word, scene.kernel.cutoff).max(1);
+    let frame = quantised(word, limited_cutoff(machine, scene)).max(1);
     let cutoff = |step: i64| {
         let end = opacity.one() * (step + 1) / steps;
         let greatest = if step + 1 == steps {

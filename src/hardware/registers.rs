@@ -8,7 +8,7 @@
 
 use crate::golden::shade::Shader;
 use crate::golden::window_density;
-use crate::hardware::quantise::{Quantised, quantised as constant};
+use crate::hardware::quantise::{Quantised, limited_cutoff, quantised as constant};
 use crate::scene;
 use crate::scene::{Opacity, Scene, Sheets, View};
 use glam::{DMat3, DQuat, DVec3};
@@ -141,6 +141,8 @@ pub struct Registers<'a> {
 pub struct SheetWords<'a, R> {
     /// Exact.
     pub sheets: &'a Sheets,
+    /// The machine draws the deepest sheet first.
+    pub back_to_front: bool,
     /// Words of the machine.
     pub registers: fragment::sheets::SheetRegisters<'a>,
     /// α/x.
@@ -168,6 +170,7 @@ impl<'a, R> SheetWords<'a, R> {
         );
         Some(SheetWords {
             sheets,
+            back_to_front: held.back_to_front,
             registers: machine.fragment.sheets(held),
             ratio: match sheets.opacity {
                 // 1/x beyond 1, whose second derivative is 2/x³.
@@ -254,6 +257,7 @@ impl Registers<'_> {
         );
         let (held, scale) = (&quantised.frame.view, &quantised.scale);
         let (kernel, near) = (&scene.kernel, scene.camera.near * scale.factor());
+        let cutoff = limited_cutoff(&machine.machine, scene);
         let guard = |axis: usize| {
             hold.hold(
                 "project.slope",
@@ -291,10 +295,10 @@ impl Registers<'_> {
                 e.low_pass,
                 held.low_pass,
             ),
-            cutoff: hold.hold("raster.cutoff", kernel.cutoff, raster.cutoff, held.cutoff),
+            cutoff: hold.hold("raster.cutoff", cutoff, raster.cutoff, held.cutoff),
             root_cutoff: hold.hold(
                 "ellipse.root_cutoff",
-                kernel.cutoff.sqrt(),
+                cutoff.sqrt(),
                 e.root_cutoff,
                 held.root_cutoff,
             ),
@@ -486,7 +490,8 @@ impl Registers<'_> {
 
     /// Cutoff of a splat's box: that of the frame, or less for a low opacity.
     fn box_cutoff<H: Hold>(&self, hold: &H, kernel: &frame::Kernel, index: usize) -> H::Real {
-        let (exact, word) = (self.scene.kernel.cutoff, self.machine.machine.raster.cutoff);
+        let machine = &self.machine.machine;
+        let (exact, word) = (limited_cutoff(machine, self.scene), machine.raster.cutoff);
         let held = self.machine.box_cutoff(
             &self.quantised.frame.view,
             kernel,

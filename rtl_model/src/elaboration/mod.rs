@@ -443,6 +443,15 @@ impl Elaboration {
         });
     }
 
+    /// Checks that a word can represent 1, or all of it but an ulp: a word without integer bits,
+    /// which holds 1 as its greatest value.
+    pub fn holds_one_or_an_ulp_less(&mut self, unit: &'static str, name: &str, word: Word) {
+        let format = word.format;
+        if format.signed || format.int_bits != 0 || format.is_float() {
+            self.holds_one(unit, name, word);
+        }
+    }
+
     /// Checks that a word is unsigned (`signed` false) or signed.
     pub fn signedness(&mut self, unit: &'static str, name: &str, word: Word, signed: bool) {
         self.require(word.format.signed == signed, || {

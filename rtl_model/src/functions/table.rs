@@ -189,13 +189,12 @@ pub fn exp_minus(numerator: u64, shift: u32) -> u64 {
     (one_squared / sum) as u64
 }
 
-/// The words of `e^(−r/2)` over r in [0, 2^`range_bits`), for [`Table::new`], with `frac_bits`
-/// fraction bits.
+/// The words of `one · e^(−r/2)` over r in [0, 2^`range_bits`), for [`Table::new`].
 pub fn gaussian_words(
     index_bits: u32,
     range_bits: i32,
     interpolation: Interpolation,
-    frac_bits: u32,
+    one: u64,
 ) -> Vec<i64> {
     let (first, step, count) = match interpolation {
         Interpolation::Nearest => (1, 2, 1u64 << index_bits),
@@ -211,8 +210,8 @@ pub fn gaussian_words(
             } else {
                 exp_minus(half_steps << -shift, 0)
             };
-            let cut = EXP_FRAC_BITS - frac_bits;
-            ((word + ((1 << cut) >> 1)) >> cut) as i64
+            let scaled = u128::from(word) * u128::from(one);
+            ((scaled + (1 << (EXP_FRAC_BITS - 1))) >> EXP_FRAC_BITS) as i64
         })
         .collect()
 }

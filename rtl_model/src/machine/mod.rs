@@ -92,9 +92,9 @@ pub struct Splat {
     pub normal: Word,
     /// σ, machine units.
     pub radius: Word,
-    /// Linear light.
+    /// Linear light. A word without integer bits holds 1 as its greatest value.
     pub rgb: Word,
-    /// α.
+    /// α, likewise.
     pub opacity: Word,
 }
 
@@ -324,6 +324,9 @@ pub struct Raster {
     pub rows: Rows,
     /// The cutoff.
     pub cutoff: Word,
+    /// Greatest cutoff, 1 to 32: a scene's own is limited to it. Left out: it is not limited.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub most_cutoff: Option<u32>,
     /// First pixel minus centre, pixels.
     pub offset: Word,
     /// Q00·dx + 2·Q01·dy and Q11·dy; `direct` does not use it.
@@ -349,7 +352,8 @@ pub struct Gauss {
     pub radial_index: Word,
     /// e^(−r/2).
     pub table: TableShape,
-    /// The table's words and result.
+    /// The table's words and result. A word without integer bits holds 1 less an ulp; the table is
+    /// then scaled by that.
     pub falloff: Word,
     /// w = A·e^(−r/2).
     pub weight: Word,
@@ -498,6 +502,11 @@ pub struct Sheets {
     pub table: TableShape,
     /// The table's words and result.
     pub ratio: Word,
+    /// Colour and opacity of a pixel. Given: the machine draws only Gaussians, the farthest first,
+    /// and blends each into its pixel, which holds nothing else. It has no table. Left out: a pixel
+    /// has the words of sums, and the order is the scene's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub composite: Option<Word>,
 }
 
 /// How the splats of a tile come into the order of their depths. Each kind gives the same order,
@@ -652,13 +661,23 @@ impl FunctionUnit {
     }
 }
 
+impl Fragment {
+    /// The word of a pixel that holds a composite only.
+    pub fn composite(&self) -> Option<Word> {
+        self.sheets.and_then(|sheets| sheets.composite)
+    }
+}
+
 impl Machine {
     /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded
     /// flag. With windows, a slot is as large as the larger of an open one, which also has both
     /// ends of its span and Σw·z, and a closed one, which has colour and opacity, four depths, two
-    /// weights, TF and TB.
+    /// weights, TF and TB. A pixel of Gaussians that are blended one by one has only its composite.
     pub fn fragment_bits(&self) -> i32 {
         let f = &self.fragment;
+        if let Some(word) = f.composite() {
+            return 4 * word.format.stored_bits();
+        }
         let [weight, opacity, colour, normal, depth] = [
             f.weight_sum,
             f.opacity_sum,

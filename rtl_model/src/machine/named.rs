@@ -21,6 +21,7 @@ impl Machine {
             "gscore" => Some(published::gscore()),
             "flicker" => Some(published::flicker()),
             "nycu" => Some(published::nycu()),
+            "cubed" => Some(cubed()),
             _ => None,
         }
     }
@@ -32,6 +33,9 @@ impl Machine {
     /// Names of the machines for volumes and for Gaussians.
     pub const ELLIPSOID_NAMES: [&str; 3] = ["volume", "gaussian", "fp16"];
 
+    /// Names of the machines that draw only Gaussians.
+    pub const GAUSSIAN_NAMES: [&str; 1] = ["cubed"];
+
     /// All names.
     pub fn names() -> impl Iterator<Item = &'static str> + Clone {
         Self::NAMES
@@ -39,6 +43,7 @@ impl Machine {
             .chain(Self::WINDOW_NAMES)
             .chain(Self::ELLIPSOID_NAMES)
             .chain(Self::PUBLISHED_NAMES)
+            .chain(Self::GAUSSIAN_NAMES)
     }
 }
 
@@ -123,6 +128,7 @@ fn reference() -> Machine {
         raster: Raster {
             rows: Rows::Differenced,
             cutoff: unsigned(5, 16),
+            most_cutoff: None,
             offset: signed(15, 12),
             gradient: signed(12, 15),
             square: None,
@@ -271,6 +277,7 @@ fn lean() -> Machine {
         raster: Raster {
             rows: Rows::Seeded,
             cutoff: unsigned(5, 10),
+            most_cutoff: None,
             offset: signed(10, 8),
             gradient: signed(8, 10),
             square: None,
@@ -402,6 +409,7 @@ fn tiny() -> Machine {
         raster: Raster {
             rows: Rows::Seeded,
             cutoff: unsigned(5, 4),
+            most_cutoff: None,
             offset: signed(10, 3),
             gradient: signed(8, 5),
             square: None,
@@ -566,6 +574,7 @@ fn volume() -> Machine {
                     interpolation: Interpolation::Linear,
                 },
                 ratio: unsigned(1, 20),
+                composite: None,
             }),
             ..base.fragment
         },
@@ -614,6 +623,101 @@ pub(super) fn gaussian() -> Machine {
         shade: Shade {
             premultiplied: unsigned(3, 18),
             ..base.shade
+        },
+        ..base
+    }
+}
+
+/// The words of cubed, an open renderer for an FPGA (docs/book/machine-cubed.md): everything from
+/// the record of a projected Gaussian to the pixel. Setup is that of `gaussian`: the original does
+/// it in software.
+fn cubed() -> Machine {
+    let base = gaussian();
+    let truncated = |word: Word| word.rounded(Rounding::Truncate);
+    Machine {
+        name: "cubed".into(),
+        splat: Splat {
+            rgb: unsigned(0, 8),
+            opacity: unsigned(0, 8),
+            ..base.splat
+        },
+        project: Project {
+            pixel: signed(base.project.pixel.format.int_bits, 4),
+            ..base.project
+        },
+        // 2·Q01 has 14 fraction bits, as Q00 has.
+        ellipse: Ellipse {
+            conic: unsigned(2, 14),
+            conic_cross: signed(2, 15),
+            amplitude: unsigned(0, 8),
+            ..base.ellipse
+        },
+        sort: Some(Sort {
+            kind: SortKind::Radix,
+            key: unsigned(1, 15),
+            tile_bits: None,
+            digit_bits: 8,
+        }),
+        raster: Raster {
+            rows: Rows::Direct,
+            cutoff: unsigned(5, 16),
+            most_cutoff: Some(8),
+            offset: signed(14, 4),
+            square: Some(truncated(signed(28, 4))),
+            radial: signed(14, 18).overflowing(Overflow::Wrap),
+            ..base.raster
+        },
+        gauss: Gauss {
+            radial_index: truncated(unsigned(3, 8)),
+            // Without bits below the address, the words are those at the beginnings of steps.
+            table: TableShape {
+                index_bits: 11,
+                interpolation: Interpolation::Linear,
+            },
+            falloff: unsigned(0, 16),
+            weight: truncated(unsigned(0, 7)),
+        },
+        fragment: Fragment {
+            layers: 1,
+            weight_sum: unsigned(1, 7),
+            colour_sum: unsigned(1, 15),
+            opacity_sum: unsigned(1, 10),
+            sheets: base.fragment.sheets.map(|sheets| Sheets {
+                composite: Some(truncated(unsigned(0, 10))),
+                ..sheets
+            }),
+            ..base.fragment
+        },
+        shade: Shade {
+            premultiplied: unsigned(1, 15),
+            ..base.shade
+        },
+        resolve: Resolve {
+            frame: unsigned(1, 10),
+            ..base.resolve
+        },
+        timing: timing::Timing {
+            clock_hz: 70_000_000,
+            technology: timing::Technology::Fpga,
+            engines: Some(4),
+            raster: timing::Raster {
+                lanes: [1, 1],
+                row_cycles: Some(3),
+                ..timing::DEFAULT.raster
+            },
+            tile: timing::Tile {
+                side_px: 32,
+                buffers: 2,
+                clear_cycles: Some(1024),
+            },
+            // A record has 32 bytes: the FIFO of 32 words of 64 bits holds eight.
+            fetch: timing::Fetch { fifo: 8 },
+            memory: timing::Memory {
+                bytes_per_cycle: 8,
+                burst_bytes: 32,
+                ..timing::DEFAULT.memory
+            },
+            ..timing::DEFAULT
         },
         ..base
     }

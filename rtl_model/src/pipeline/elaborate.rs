@@ -305,7 +305,7 @@ fn check_splat(splat: &Splat, e: &mut Elaboration) {
         e.port("splat", name, word);
         e.signedness("splat", name, word, signed);
     }
-    e.holds_one("splat", "rgb", splat.rgb);
-    e.holds_one("splat", "opacity", splat.opacity);
+    e.holds_one_or_an_ulp_less("splat", "rgb", splat.rgb);
+    e.holds_one_or_an_ulp_less("splat", "opacity", splat.opacity);
     e.holds_one("splat", "normal", splat.normal);
 }

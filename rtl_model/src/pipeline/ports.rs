@@ -913,13 +913,18 @@ fn composite(name: &'static str, m: &Machine) -> Stream {
     let pixel = Stream::new(name)
         .naturals(&["x", "y"], PIXEL_BITS)
         .naturals(&["stopped", "closed"], 1);
+    let colours = ["colour_r", "colour_g", "colour_b"];
+    let pixel = match f.composite() {
+        Some(word) => pixel.words(&colours, "fragment.composite", word).word(
+            "opacity",
+            "fragment.composite",
+            word,
+        ),
+        None => pixel
+            .words(&colours, "fragment.colour_sum", f.colour_sum)
+            .word("opacity", "fragment.opacity_sum", f.opacity_sum),
+    };
     pixel
-        .words(
-            &["colour_r", "colour_g", "colour_b"],
-            "fragment.colour_sum",
-            f.colour_sum,
-        )
-        .word("opacity", "fragment.opacity_sum", f.opacity_sum)
         .naturals(&["sheet"], SHEET_BITS)
         .word("weight", "fragment.weight_sum", f.weight_sum)
         .words(

@@ -113,6 +113,11 @@ impl Elaborated {
         self.ellipse.turns(&frame.view, frame.splats[splat].normal)
     }
 
+    /// Greatest distance of the table of `gauss` from e^(−r/2), before its result is fitted.
+    pub fn gauss_table_error(&self) -> f64 {
+        self.gauss.table_error()
+    }
+
     /// A contribution's weight.
     pub fn real_weight<R: Real>(&self, radial: R, amplitude: R) -> R {
         self.gauss.real(radial, amplitude)

@@ -59,9 +59,14 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Brings the splats into the order of their keys, those with equal keys in that of their
-    /// numbers.
-    fn sort<P: Probe>(&mut self, key: &Fit, has_buckets: bool, probe: &mut P) {
+    /// Brings the splats into the order of their keys, the least or the greatest first; those with
+    /// equal keys in the order of their numbers.
+    fn sort<P: Probe>(
+        &mut self,
+        key: &Fit,
+        (farthest_first, has_buckets): (bool, bool),
+        probe: &mut P,
+    ) {
         let tap = &mut Tap::new(&mut *probe);
         let keyed = numbered(&self.blocks)
             .zip(0..)
@@ -75,7 +80,11 @@ impl Setup {
                 tap.fit_one(key, i64::from(splat.raster.depth));
             }
         }
-        order.sort_unstable();
+        if farthest_first {
+            order.sort_unstable_by_key(|&(key, nth, _)| (-key, nth));
+        } else {
+            order.sort_unstable();
+        }
         if P::WORK || P::TRANSFERS {
             // Only buckets depend on more than the order.
             let mut keys = vec![0; if has_buckets { order.len() } else { 0 }];
@@ -214,12 +223,10 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
             .as_ref()
             .is_some_and(|ellipsoids| ellipsoids.sorted),
     ) {
-        whole.sort(
-            sort,
-            machine.records_choices
-                || (machine.machine.sort).is_some_and(|sort| sort.kind == SortKind::Hierarchical),
-            probe,
-        );
+        let has_buckets = machine.records_choices
+            || (machine.machine.sort).is_some_and(|sort| sort.kind == SortKind::Hierarchical);
+        let farthest_first = (frame.sheets.as_ref()).is_some_and(|sheets| sheets.back_to_front);
+        whole.sort(sort, (farthest_first, has_buckets), probe);
     }
     whole
 }

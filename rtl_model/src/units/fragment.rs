@@ -142,10 +142,14 @@ pub fn path(machine: &Machine) -> Path {
         .choose(m.layers.saturating_add(1))
         .memory();
     // No other part of the path is longer.
-    let longest = [way, decision(machine), sheet(machine), stamp(machine)]
-        .into_iter()
-        .map(|way| way.delay)
-        .max();
+    let ways = [way, decision(machine), sheet(machine), stamp(machine)];
+    // A composite is neither found nor summed.
+    let ways = if m.composite().is_some() {
+        &ways[2..]
+    } else {
+        &ways
+    };
+    let longest = ways.iter().map(|way| way.delay).max();
     Path {
         delay: longest.unwrap_or_default(),
         ..way
@@ -161,6 +165,17 @@ fn sheet(machine: &Machine) -> Path {
         return Path::default();
     };
     let bits = |word: Word| word.format.width();
+    if let Some(composite) = words.composite {
+        let light = machine.shade.premultiplied;
+        return Path::default()
+            .memory()
+            .product_of(machine.gauss.weight, machine.splat.rgb)
+            .fit_word(light, bits(machine.gauss.weight) + bits(machine.splat.rgb))
+            .parallel(Path::default().memory().product_of(composite, m.weight_sum))
+            .sum(2 * bits(light))
+            .fit_word(composite, 2 * bits(light))
+            .memory();
+    }
     let sum = bits(m.colour_sum).max(bits(m.weight_sum));
     let summed = Path::default()
         .memory()
@@ -326,17 +341,27 @@ impl Fragment {
             m.normal_sum,
             m.normal_sum,
         ];
+        // A machine whose pixels hold a composite only has no slots, and no sums but those of a
+        // contribution, to which nothing is added.
+        let composite = m.composite();
+        let built = |lane: usize| u32::from(composite.is_none() || lane < OPACITY);
+        let slots = u32::from(composite.is_none());
         let products: [Exact; SUMS] = std::array::from_fn(|lane| {
             if lane == WEIGHT {
                 machine.gauss.weight.into()
             } else {
-                e.per_lane(|e| e.times(UNIT, machine.gauss.weight, attributes[lane]))
+                e.copies(built(lane), |e| {
+                    e.per_lane(|e| e.times(UNIT, machine.gauss.weight, attributes[lane]))
+                })
             }
         });
         let sums: [Fit; SUMS] = std::array::from_fn(|lane| {
             e.per_lane(|e| {
-                let sum = e.sum(UNIT, [products[lane], words[lane].into()]);
-                e.fit(UNIT, SUM_SIGNALS[lane], words[lane], sum)
+                let terms = [products[lane], words[lane].into()];
+                let sum = e.copies(slots, |e| e.sum(UNIT, terms));
+                e.copies(built(lane), |e| {
+                    e.fit(UNIT, SUM_SIGNALS[lane], words[lane], sum)
+                })
             })
         });
         let slot = machine.fragment_bits();
@@ -347,7 +372,8 @@ impl Fragment {
             });
             // A pixel that was read is held until it leaves the unit.
             e.copies(layers as u32, |e| e.part(UNIT, Operator::Hold(slot)));
-            if m.sheets.is_some() {
+            if composite.is_some() {
+            } else if m.sheets.is_some() {
                 // A sheet's number is compared with the open one's. Each slot stays, is added to,
                 // or is opened.
                 e.adders(UNIT, 1, m.depth.format.width());
@@ -365,15 +391,31 @@ impl Fragment {
         });
         let premultiplied = machine.shade.premultiplied;
         let shaded = Exact::from(premultiplied);
-        let over = e.copies(4, |e| {
-            let product = e.times(UNIT, premultiplied, premultiplied);
-            e.sum(UNIT, [product, shaded])
-        });
         let light = premultiplied.format.width();
+        let over = if let Some(word) = composite {
+            e.port(UNIT, "composite", word);
+            e.signedness(UNIT, "composite", word, false);
+            e.fixed_point(UNIT, "fragment.sheets.composite", word);
+            // The front's opacity is a weight, and the back is a pixel: no more of their bits are
+            // other than 0.
+            let operands = [word, m.weight_sum].map(|word| word.format.factor_bits().min(light));
+            e.per_lane(|e| {
+                e.copies(4, |e| {
+                    e.multiplier(UNIT, operands, premultiplied.format.is_float());
+                    let product = shaded.times(shaded);
+                    e.sum(UNIT, [product, shaded])
+                })
+            })
+        } else {
+            e.copies(4, |e| {
+                let product = e.times(UNIT, premultiplied, premultiplied);
+                e.sum(UNIT, [product, shaded])
+            })
+        };
         // 1 minus the front's opacity; colours of the front, of the back and of the result, shaded
         // earlier or now.
         e.adders(UNIT, 1, light);
-        e.copies(2 * 4, |e| e.choice(UNIT, 2, light));
+        e.copies(2 * 4 * slots, |e| e.choice(UNIT, 2, light));
         e.choice(UNIT, layers as u32, slot);
         // The comparison of Σw·α with the opacity limit times Σw uses 128 bits.
         let limit = Exact::from(m.opaque).times(m.weight_sum);
@@ -387,7 +429,9 @@ impl Fragment {
         let opaque = opaque(machine);
         let (limit_places, opacity_places) = (limit.frac_bits, m.opacity_sum.format.frac_bits);
         let half = sums.map(|fit| fit.half());
-        let depth = e.per_lane(|e| e.fit(UNIT, "depth", m.depth, depth));
+        let depth = e.copies(slots, |e| {
+            e.per_lane(|e| e.fit(UNIT, "depth", m.depth, depth))
+        });
         // The depth farthest from the centre's that a splat reaches.
         let farthest = machine
             .project
@@ -424,18 +468,27 @@ impl Fragment {
             ],
             opaque_shaded: -((-opaque << opacity_places) >> m.opaque.format.frac_bits) as i64,
             store: [
-                e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, shaded)),
-                e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded),
+                e.copies(3 * slots, |e| {
+                    e.fit(UNIT, "colour_sum", m.colour_sum, shaded)
+                }),
+                e.copies(slots, |e| e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded)),
             ],
             read: [(3, m.colour_sum), (1, m.opacity_sum)].map(|(copies, sum)| {
+                let held = composite.unwrap_or(sum);
                 e.copies(copies, |e| {
-                    e.fit(unit::SHADE, "premultiplied", premultiplied, sum)
+                    e.fit(unit::SHADE, "premultiplied", premultiplied, held)
                 })
             }),
             blend: [
-                e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, over)),
-                e.fit(UNIT, "opacity_sum", m.opacity_sum, over),
-            ],
+                (3, "colour_sum", m.colour_sum),
+                (1, "opacity_sum", m.opacity_sum),
+            ]
+            .map(|(copies, name, sum)| match composite {
+                Some(word) => {
+                    e.per_lane(|e| e.copies(copies, |e| e.fit(UNIT, "composite", word, over)))
+                }
+                None => e.copies(copies, |e| e.fit(UNIT, name, sum, over)),
+            }),
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
             sheets: SheetDatapath::new(e, machine),
             windows: WindowDatapath::new(e, machine),

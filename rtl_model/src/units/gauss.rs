@@ -37,11 +37,12 @@ fn weight(
 fn falloff(e: &mut Elaboration, machine: &Machine) -> Table {
     let (m, argument) = (&machine.gauss, machine.gauss.radial_index.format);
     let shape = table::shape(e, UNIT, "table", m.table, argument.width());
+    let falloff = m.falloff.format;
     let words = table::gaussian_words(
         shape.index_bits,
         argument.int_bits.min(5),
         shape.interpolation,
-        m.falloff.format.frac_bits.min(31) as u32,
+        falloff.one().min(falloff.max()).clamp(0, 1 << 31) as u64,
     );
     e.part(
         UNIT,
@@ -102,7 +103,8 @@ impl Gauss {
             e.signedness(UNIT, name, word, false);
         }
         e.fixed_point(UNIT, "radial_index", m.radial_index);
-        e.holds_one(UNIT, "falloff", m.falloff);
+        // A word without integer bits holds 1 less an LSB. The table is scaled by that.
+        e.holds_one_or_an_ulp_less(UNIT, "falloff", m.falloff);
         let argument = m.radial_index.format;
         e.require(argument.int_bits <= 5, || {
             format!(

@@ -371,6 +371,8 @@ struct Alignment {
     /// Fraction bits of positions, and of offsets.
     pixel: u32,
     offset: u32,
+    /// [`Raster::doubles`].
+    doubles: u32,
     /// To the fraction bits of the register `radial`.
     cutoff: u32,
     first: u32,
@@ -402,6 +404,7 @@ impl Raster {
             e.fixed_point(UNIT, name, word);
         }
         e.fixed_point(UNIT, "cutoff", m.cutoff);
+        e.within(UNIT, "most_cutoff", m.most_cutoff.unwrap_or(32), 1, 32);
         e.holds_one(UNIT, "offset", m.offset);
         if is_direct {
             let square = square(machine);
@@ -469,8 +472,8 @@ impl Raster {
             let sum = e.sum(UNIT, [pixel.into(), middle]);
             e.fit(UNIT, "offset", m.offset, sum)
         });
-        let aligned = f(s.conic) == f(s.conic_cross);
-        e.require(aligned, || {
+        let finer = f(s.conic_cross) - f(s.conic);
+        e.require(finer == 0 || is_direct && finer == 1, || {
             format!("ellipse.conic {} and ellipse.conic_cross {} need the same fraction bits: they are summed", s.conic, s.conic_cross)
         });
         let directions = directions(m.rows);
@@ -568,6 +571,7 @@ impl Raster {
             places: Alignment {
                 pixel: f(pixel).max(1) as u32,
                 offset: f(m.offset) as u32,
+                doubles: Raster::doubles(machine),
                 cutoff: places(f(m.radial), f(m.cutoff)),
                 first: places(f(m.radial), f(m.first)),
                 second: places(f(m.radial), f(m.second)),
@@ -579,6 +583,14 @@ impl Raster {
                 clamp,
             },
         }
+    }
+
+    /// Left shift of products with Q01, for twice their value at the fraction bits of those with
+    /// Q00. With [`Rows::Direct`], Q01 may have one more fraction bit.
+    fn doubles(machine: &Machine) -> u32 {
+        let [conic, cross] =
+            [machine.ellipse.conic, machine.ellipse.conic_cross].map(|word| word.format.frac_bits);
+        places(conic + 1, cross)
     }
 
     /// Parts that compute r in each lane; returns the fits of squares and of r.
@@ -596,7 +608,11 @@ impl Raster {
                 e.fit(UNIT, "square", word, product)
             });
             let along = e.copies(2, |e| e.times(UNIT, s.conic, word));
-            let across = e.times(UNIT, s.conic_cross, word).doubled();
+            let across = e.times(UNIT, s.conic_cross, word);
+            let across = match Raster::doubles(machine) {
+                0 => across.scaled(1),
+                _ => across.doubled(),
+            };
             let sum = e.sum(UNIT, [along, across, along]);
             [square, e.fit(UNIT, "radial", m.radial, sum)]
         })
@@ -952,7 +968,8 @@ impl Raster {
                 let [of_x, of_both, of_y] = three!(i => {
                     tap.fit(square, [x, x, y][i] * [x, y, y][i])
                 });
-                let sum = xx * of_x + (xy * of_both).left(1) + yy * of_y;
+                let both = (xy * of_both).left(self.places.doubles);
+                let sum = xx * of_x + both + yy * of_y;
                 let radial = tap.fit_register(&self.radial, self.radial_register, sum);
                 span.keep(
                     [row, eight],

@@ -107,8 +107,7 @@ impl SheetPixel {
         if let Some(done) = done {
             let (golden, composite) = self.blended(rules, common, &done);
             let through = Near::within(1.0 - golden.w, composite[3].around(golden.w).error);
-            let stops =
-                !rules.words.sheets.back_to_front && through.value < rules.words.sheets.stop;
+            let stops = !rules.words.back_to_front && through.value < rules.words.sheets.stop;
             // Each contribution is a sheet. If the last one is kept, the machine's stop becomes
             // visible one contribution later.
             if !each || !rules.words.sheets.keeps_last {
@@ -142,7 +141,11 @@ impl SheetPixel {
         }
         let key = common.machine.real_key(arrival.depth());
         if let Some((z, last)) = self.last
-            && arrival.golden.z < z
+            && if rules.words.back_to_front {
+                arrival.golden.z > z
+            } else {
+                arrival.golden.z < z
+            }
         {
             flips.order(key.may_cross(last));
         }
@@ -166,7 +169,7 @@ impl SheetPixel {
         );
         let near = around(near, exact);
         let before = common.machine.real_read(self.composite);
-        let (golden, composite) = if rules.words.sheets.back_to_front {
+        let (golden, composite) = if rules.words.back_to_front {
             (
                 over(exact, self.golden),
                 common.machine.real_merge(near, before),

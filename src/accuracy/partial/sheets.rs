@@ -57,7 +57,7 @@ impl<'a> SheetPixels<'a> {
         let [weight, r, g, b] = sums.map(|sum| self.frame.word(sum));
         let sheet = machine.real_close(weight, [r, g, b], &self.words.registers, &self.words.ratio);
         let before = self.read(composite);
-        let blended = if self.words.sheets.back_to_front {
+        let blended = if self.words.back_to_front {
             machine.real_merge(sheet, before)
         } else {
             machine.real_merge(before, sheet)
@@ -75,8 +75,7 @@ impl<'a> SheetPixels<'a> {
     /// Blends a finished sheet.
     fn close(&self, pixel: &mut MixedSheet, sums: SheetSums) {
         let blended = self.blended(pixel.composite, sums);
-        pixel.stopped =
-            !self.words.sheets.back_to_front && 1.0 - blended[3] < self.words.stop.value;
+        pixel.stopped = !self.words.back_to_front && 1.0 - blended[3] < self.words.stop.value;
         if !pixel.stopped || self.words.sheets.keeps_last {
             pixel.composite = blended;
         }

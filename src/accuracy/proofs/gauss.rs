@@ -39,13 +39,19 @@ pub fn table(machine: &Elaborated) -> Proof {
     } = m.table;
     let step = table.step() * power_of_two(argument.int_bits);
     let between = real::between(interpolation, step, SLOPE, CURVATURE);
-    let unfitted = real::error(table.fit(), interpolation, step, SLOPE, CURVATURE);
+    let unfitted = machine.gauss_table_error();
     let bound = Near::within(SLOPE, unfitted)
         .fit(table.fit(), Scale::ONE)
         .error;
 
     let frac_bits = m.falloff.format.frac_bits;
-    let half = word(1, frac_bits + 1);
+    // Half an LSB; and a whole one more, by which a table that does not hold 1 is scaled.
+    let halves = if m.falloff.format.max() < m.falloff.format.one() {
+        3
+    } else {
+        1
+    };
+    let half = word(halves, frac_bits + 1);
     let lines: Vec<(i64, i64)> = table.lines().collect();
     let ends = lines
         .iter()
@@ -111,20 +117,25 @@ pub fn table(machine: &Elaborated) -> Proof {
             )
         }
     };
-    for (i, exact) in gaussian_words(index_bits, argument.int_bits, interpolation, EXP_FRAC_BITS)
-        .into_iter()
-        .enumerate()
+    for (i, exact) in gaussian_words(
+        index_bits,
+        argument.int_bits,
+        interpolation,
+        1 << EXP_FRAC_BITS,
+    )
+    .into_iter()
+    .enumerate()
     {
         s.hypotheses.push(format!(
             "e{i} in {}",
             words(exact - EXP_ERROR, exact + EXP_ERROR, EXP_FRAC_BITS as i32)
         ));
     }
-    // Half an LSB around each word.
+    // An interval around each word.
     let around = |i: usize, word: i64| {
         format!(
             "e{i} in {}",
-            words(2 * word - 1, 2 * word + 1, frac_bits + 1)
+            words(2 * word - halves, 2 * word + halves, frac_bits + 1)
         )
     };
     for (i, (value, delta)) in lines.into_iter().enumerate() {

@@ -391,6 +391,11 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
     } else {
         ""
     };
+    let composite = if machine.machine.fragment.composite().is_some() {
+        "`define MACHINE_COMPOSITE\n"
+    } else {
+        ""
+    };
     let floats = if has_floats(machine, Kind::of(frame)) {
         "// Floating-point words: also _P significant bits. The bits are sign, exponent e and fraction f; the value is f*2^-F if e is 0, else (2^(P-1) + f)*2^(e-1-F).\n"
     } else {
@@ -401,7 +406,7 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
          // For each word: _W bits, _F fraction bits, _S signed, _ROUND 0 truncate, 1 nearest, 2 nearest-even, _WRAP 0 saturate, 1 wrap.\n\
          {floats}\
          // For each record: _W bits, and _LSB and _W of each field.\n\
-         `timescale 1ns / 1ps\n{mirrors}{direct}`default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
+         `timescale 1ns / 1ps\n{mirrors}{direct}{composite}`default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
         machine.machine.name,
         env!("CARGO_PKG_VERSION"),
     );

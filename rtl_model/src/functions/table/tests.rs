@@ -60,7 +60,7 @@ fn the_exponential_table_is_right_within_half_an_ulp() {
         (Interpolation::Nearest, 12, -3),
     ] {
         for frac_bits in [8, 14, 20, 30] {
-            let words = gaussian_words(index_bits, range_bits, interpolation, frac_bits);
+            let words = gaussian_words(index_bits, range_bits, interpolation, 1 << frac_bits);
             let middle = if interpolation == Interpolation::Nearest {
                 0.5
             } else {
@@ -146,10 +146,14 @@ fn the_exponential_is_where_the_proofs_assume_it() {
         let ends_or_middles: Vec<u128> = (0..=1u64 << index_bits)
             .map(|i| exponential_or_one(2 * i + middle, shift))
             .collect();
-        for (word, exact) in
-            gaussian_words(index_bits, argument.int_bits, interpolation, EXP_FRAC_BITS)
-                .into_iter()
-                .zip(&ends_or_middles)
+        for (word, exact) in gaussian_words(
+            index_bits,
+            argument.int_bits,
+            interpolation,
+            1 << EXP_FRAC_BITS,
+        )
+        .into_iter()
+        .zip(&ends_or_middles)
         {
             assert!(
                 (word as u64).abs_diff((exact >> (128 - EXP_FRAC_BITS)) as u64)
@@ -196,12 +200,7 @@ fn table(interpolation: Interpolation, index_bits: u32, argument: Format, frac_b
         index_bits,
         width,
         interpolation,
-        &gaussian_words(
-            index_bits,
-            argument.int_bits,
-            interpolation,
-            frac_bits as u32,
-        ),
+        &gaussian_words(index_bits, argument.int_bits, interpolation, 1 << frac_bits),
     )
 }
 

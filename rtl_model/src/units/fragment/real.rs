@@ -14,7 +14,7 @@
 //! Laws: `accumulating_is_within_its_bound`, `merging_is_within_its_bound`, and `…_is_tight` of
 //! both.
 
-use super::{COLOUR, Fragment, NORMAL, OPACITY};
+use super::{COLOUR, Fragment, NORMAL};
 use crate::num::Fit;
 use crate::real::{Real, Scale};
 
@@ -76,8 +76,9 @@ impl Fragment {
     /// A shaded slot's colour times opacity, and opacity, as a merge or resolve reads them.
     pub fn real_read<R: Real>(&self, slot: [R; 4]) -> [R; 4] {
         let [r, g, b, opacity] = slot;
-        let [r, g, b] = [r, g, b].map(|channel| self.real_read_from(channel, &self.sums[COLOUR]));
-        [r, g, b, self.real_read_from(opacity, &self.sums[OPACITY])]
+        let [of_colour, of_opacity] = &self.blend;
+        let [r, g, b] = [r, g, b].map(|channel| self.real_read_from(channel, of_colour));
+        [r, g, b, self.real_read_from(opacity, of_opacity)]
     }
 
     fn real_read_from<R: Real>(&self, slot: R, from: &Fit) -> R {

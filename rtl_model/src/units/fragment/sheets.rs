@@ -23,7 +23,7 @@ use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{self, Each};
 use crate::functions::{Table, table};
 use crate::kernels::{Accumulator, HostPath, NO_MATCH, PackedSlot, PackedSums, PackedTile};
-use crate::machine::Machine;
+use crate::machine::{self, Machine};
 use crate::num::{Exact, Fit, three};
 use crate::probe::{Probe, Tap};
 pub use crate::records::Held;
@@ -67,6 +67,9 @@ impl SheetDatapath {
     pub(super) fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
         let (m, premultiplied) = (&machine.fragment, machine.shade.premultiplied);
         let words = m.sheets.as_ref()?;
+        if words.composite.is_some() {
+            return Some(SheetDatapath::of_composite(e, machine, words));
+        }
         for (name, word) in [("depth_index", words.depth_index), ("ratio", words.ratio)] {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
@@ -111,6 +114,41 @@ impl SheetDatapath {
             shape,
             argument_bits: argument.width() as u32,
         })
+    }
+
+    /// Of a machine that blends each Gaussian at once: it has no table.
+    fn of_composite(e: &mut Elaboration, machine: &Machine, words: &machine::Sheets) -> Self {
+        let (m, premultiplied) = (&machine.fragment, machine.shade.premultiplied);
+        e.require(m.layers == 1, || {
+            format!(
+                "fragment.layers is {}, but with fragment.sheets.composite a pixel holds one composite: 1 would fit",
+                m.layers
+            )
+        });
+        e.require(
+            m.opacity_sum.format.max() >= m.opacity_sum.format.one(),
+            || {
+                format!(
+                    "fragment.opacity_sum is {} and must hold 1: a pixel's stop has this word",
+                    m.opacity_sum
+                )
+            },
+        );
+        e.require(machine.sort.is_some(), || {
+            "fragment.sheets.composite needs a sort: Gaussians are drawn the farthest first".into()
+        });
+        let plain = [m.weight_sum, m.colour_sum]
+            .map(|sum| e.per_lane(|e| e.fit(unit::SHADE, "premultiplied", premultiplied, sum)));
+        // Not declared: nothing is looked up.
+        let unused = |word: crate::num::Word| Fit::new(plain[0].signal, word, word.into());
+        SheetDatapath {
+            closed: plain,
+            plain,
+            index: unused(words.depth_index),
+            ratio: unused(words.ratio),
+            shape: words.table,
+            argument_bits: words.depth_index.format.width().max(0) as u32,
+        }
     }
 
     /// Colour times opacity, and opacity, of a closed sheet.

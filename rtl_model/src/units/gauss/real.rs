@@ -2,7 +2,8 @@
 //!
 //! |Δw| ≤ A·e^(−r/2)·(|Δr| + u_r/2)/2 + ΔA·e^(−r/2) + A·(table error + u_f/2) + u_w/2, with ulps u
 //! of `radial_index`, `falloff` and `weight`. The error of the table is h²/32 + u_f/2 with linear
-//! interpolation over steps of h, and h/4 + u_f/2 without.
+//! interpolation over steps of h, and h/4 + u_f/2 without. A `falloff` that does not hold 1 scales
+//! the table by 1 − u_f, which is wrong by at most u_f more.
 
 use super::Gauss;
 use crate::functions::table;
@@ -18,7 +19,13 @@ impl Gauss {
             self.range() * table.step(),
             0.5,
             0.25,
-        )
+        ) + self.scaling()
+    }
+
+    /// Greatest distance of the table's scale from 1.
+    fn scaling(&self) -> f64 {
+        let format = self.table().fit().word.format;
+        (1.0 - format.value(format.max())).max(0.0)
     }
 
     /// Upper limit of the table's arguments.

@@ -470,8 +470,9 @@ proptest! {
     /// r of each pixel is the sum of three products, whatever its box and square are. Exactly the
     /// pixels with 0 ≤ r < cutoff make a fragment.
     #[test]
-    fn direct_pixels_equal_their_products(name in names(), square in squares(), shape in test_splats(), cutoff in 0.1..8.0) {
-        let machine = direct(name, square);
+    fn direct_pixels_equal_their_products(name in names(), square in squares(), finer in 0..=1, shape in test_splats(), cutoff in 0.1..8.0) {
+        let mut machine = direct(name, square);
+        machine.ellipse.conic_cross.format.frac_bits += finer;
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let (m, pixel) = (&machine.raster, machine.project.pixel.format);
         let cutoff = i128::from(word(m.cutoff, cutoff)) << (m.radial.format.frac_bits - m.cutoff.format.frac_bits);
@@ -489,7 +490,7 @@ proptest! {
                 let (dx, dy) = (at(0, x), at(1, y));
                 let [sx, sb, sy] = [dx * dx, dx * dy, dy * dy].map(|product| quantised(product, twice, of_square));
                 let places = machine.ellipse.conic.format.frac_bits + of_square.format.frac_bits;
-                let expected = quantised(xx * sx + 2 * xy * sb + yy * sy, places, m.radial);
+                let expected = quantised(((xx * sx + yy * sy) << finer) + 2 * xy * sb, places + finer, m.radial);
                 let (walks, span) = drawn(&raster, &input, [x, y], held, &mut NoProbe);
                 let own = read_span(&raster, &walks, &span).into_iter().find(|(place, _)| *place == 0);
                 let kept = (0..cutoff).contains(&expected);

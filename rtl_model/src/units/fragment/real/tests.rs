@@ -1,5 +1,6 @@
 //! Fragment's bounds checked against sums and blends in f64, and against the integer unit.
 
+use super::super::OPACITY;
 use super::super::{PackedSums, Premultiplied, SUMS, Slot, Sums, WEIGHT};
 use super::*;
 use crate::Machine;

@@ -216,3 +216,55 @@ fn a_pixel_stops_where_it_lets_too_little_through() {
         "{composite:?}"
     );
 }
+
+proptest! {
+    /// Each channel of a pixel is colour · w + old · (1 − w), cut to the word of the composite.
+    #[test]
+    fn a_composite_is_blended_in_its_own_word(
+        splats in prop::collection::vec((1i64..128, [0i32..256, 0i32..256, 0i32..256]), 0..30),
+    ) {
+        let machine = Machine::named("cubed").unwrap().elaborate().unwrap();
+        let unit = &machine.fragment;
+        let sheets = frame::Sheets {
+            each: Each::Splat,
+            back_to_front: true,
+            most_weight: 127,
+            ..frame::Sheets::default()
+        };
+        let (registers, probe) = (unit.sheets(&sheets), &mut NoProbe);
+        let (mut tile, tap) = (Box::<PackedTile<i64>>::default(), &mut Tap::new(probe));
+        let mut pixel = [0; 4];
+        for (nth, (weight, [r, g, b])) in splats.iter().enumerate() {
+            let attributes = [1, *r, *g, *b, 0, 0, 0, 0];
+            let input = SheetInput { sheet: nth as u32, weight: *weight, attributes: &attributes };
+            let decision = unit.contribute_to_sheet::<Path<false, Plain, i64>, _>(&mut tile, 7, input, &registers, tap);
+            prop_assert_eq!(decision, if nth == 0 { Decision::Inserted(0) } else { Decision::Merged(0, 1) });
+            for (old, new) in pixel.iter_mut().zip([4 * r, 4 * g, 4 * b, 1024].map(i64::from)) {
+                *old = (new * weight + *old * (128 - weight)) / 128;
+            }
+        }
+        let composite = unit.composite(&tile, 7, &registers, tap).unwrap_or_default();
+        let [r, g, b] = composite.colour;
+        // Fraction bits of light are 15, and those of the composite 10.
+        prop_assert_eq!([r, g, b, composite.opacity], pixel.map(|word: i64| word * 32));
+    }
+}
+
+#[test]
+fn a_composite_without_a_sort_or_with_slots_is_refused() {
+    let refused = |change: &dyn Fn(&mut Machine)| {
+        let mut machine = Machine::named("cubed").unwrap();
+        change(&mut machine);
+        machine.elaborate().unwrap_err()
+    };
+    assert_eq!(
+        refused(&|machine| machine.sort = None),
+        ["fragment.sheets.composite needs a sort: Gaussians are drawn the farthest first"]
+    );
+    assert_eq!(
+        refused(&|machine| machine.fragment.layers = 2),
+        [
+            "fragment.layers is 2, but with fragment.sheets.composite a pixel holds one composite: 1 would fit"
+        ]
+    );
+}
