@@ -324,6 +324,22 @@ fn a_raster_without_differences_gives_the_records_of_the_machine() {
     }
 }
 
+#[test]
+fn a_composite_gives_the_records_of_the_machine() {
+    if !have(
+        &["iverilog", "verilator"],
+        "the RTL implementation of sheets",
+    ) {
+        return;
+    }
+    let cubed = machine("cubed", &[]);
+    let trace = traced(&bouquet(300, 32, &json!({})), &cubed, &Window::default());
+    let [_, sheets] = OF_ELLIPSOIDS;
+    for simulator in [Simulator::Verilator, Simulator::Icarus] {
+        assert!(drive(simulator, &trace, sheets, 32, &STALLS) > 200);
+    }
+}
+
 /// The test above can fail: a wrong product, sum, shift or rounding is found.
 #[test]
 fn wrong_harmonics_are_found_out() {

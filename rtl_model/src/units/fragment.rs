@@ -373,6 +373,7 @@ impl Fragment {
             // A pixel that was read is held until it leaves the unit.
             e.copies(layers as u32, |e| e.part(UNIT, Operator::Hold(slot)));
             if composite.is_some() {
+                // A pixel has one slot, which nothing is compared with.
             } else if m.sheets.is_some() {
                 // A sheet's number is compared with the open one's. Each slot stays, is added to,
                 // or is opened.

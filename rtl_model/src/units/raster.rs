@@ -960,10 +960,10 @@ impl Raster {
                 tap.probe
                     .reached(self.depth.signal, [z.min(last), z.max(last)]);
             }
-            for eight in 0..eights(columns) {
+            for (eight, column) in COLUMNS.iter().enumerate().take(eights(columns)) {
                 let inside = first_bits(columns - eight * LANES);
                 tap.live = inside;
-                let at = [left + L::from_array(COLUMNS[eight]), at_row];
+                let at = [left + L::from_array(*column), at_row];
                 let [x, y] = self.offsets(size_px, at, &splat, tap);
                 let [of_x, of_both, of_y] = three!(i => {
                     tap.fit(square, [x, x, y][i] * [x, y, y][i])
