@@ -1464,11 +1464,11 @@ fn invalid_machine_files_are_refused_with_valid_fields() {
 #[test]
 fn a_machine_that_cannot_be_elaborated_is_refused_with_all_its_errors() {
     let folder = folder();
-    let text = r#"{"base": "reference", "fragment": {"layers": 12}, "splat": {"rgb": "U-1F9", "position": "U1F20"}, "project": {"camera": "I20F26"}}"#;
+    let text = r#"{"base": "reference", "fragment": {"layers": 12}, "splat": {"rgb": "U0F8", "position": "U1F20"}, "project": {"camera": "I20F26"}}"#;
     let file = write(&folder, "misfit.json", text);
     for part in [
         "fragment.layers is 12",
-        "splat.rgb is U-1F9",
+        "splat.rgb is U0F8",
         "splat.position is U1F20",
         "project.camera is I20F26",
     ] {

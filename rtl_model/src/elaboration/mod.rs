@@ -5,7 +5,7 @@
 //!
 //! Laws: `setup_makes_the_products_that_it_declares`, `every_multiplier_is_declared`.
 
-use crate::machine::FunctionUnit;
+use crate::machine::{FunctionUnit, Machine};
 pub mod latency;
 pub mod masks;
 pub mod microarchitecture;
@@ -443,11 +443,19 @@ impl Elaboration {
         });
     }
 
-    /// Checks that a word can represent 1, or all of it but an ulp: a word without integer bits,
-    /// which holds 1 as its greatest value.
-    pub fn holds_one_or_an_ulp_less(&mut self, unit: &'static str, name: &str, word: Word) {
+    /// Checks that a word can represent 1. A machine that blends Gaussians in one word
+    /// (`fragment.sheets.composite`) may lack an ulp: a word without integer bits holds 1 as its
+    /// greatest value. On other machines, such a word would change the picture unnoticed.
+    pub fn holds_one_or_an_ulp_less(
+        &mut self,
+        machine: &Machine,
+        unit: &'static str,
+        name: &str,
+        word: Word,
+    ) {
         let format = word.format;
-        if format.signed || format.int_bits != 0 || format.is_float() {
+        let lacks_an_ulp = !format.signed && format.int_bits == 0 && !format.is_float();
+        if machine.fragment.composite().is_none() || !lacks_an_ulp {
             self.holds_one(unit, name, word);
         }
     }

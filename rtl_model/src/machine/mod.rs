@@ -92,7 +92,8 @@ pub struct Splat {
     pub normal: Word,
     /// σ, machine units.
     pub radius: Word,
-    /// Linear light. A word without integer bits holds 1 as its greatest value.
+    /// Linear light. With `fragment.sheets.composite` it may have no integer bits: 1 is then its
+    /// greatest value.
     pub rgb: Word,
     /// α, likewise.
     pub opacity: Word,
@@ -352,8 +353,8 @@ pub struct Gauss {
     pub radial_index: Word,
     /// e^(−r/2).
     pub table: TableShape,
-    /// The table's words and result. A word without integer bits holds 1 less an ulp; the table is
-    /// then scaled by that.
+    /// The table's words and result. With `fragment.sheets.composite` it may have no integer bits:
+    /// it then holds 1 less an ulp, and the table is scaled by that.
     pub falloff: Word,
     /// w = A·e^(−r/2).
     pub weight: Word,

@@ -13,7 +13,7 @@ use crate::elaboration::{Elaboration, Operator, Part, Signal};
 use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::timing::Organisation;
-use crate::machine::{Group, MOST_TILE_BITS, Machine, SortKind, Splat};
+use crate::machine::{Group, MOST_TILE_BITS, Machine, SortKind};
 use crate::num::{Fit, Format, MAX_WIDTH_BITS};
 use crate::records::unit;
 use crate::units::fragment::FragmentRegisters;
@@ -125,7 +125,7 @@ impl Machine {
     /// every misfit, a sentence each.
     pub fn elaborate(&self) -> Result<Elaborated, Vec<String>> {
         let e = &mut Elaboration::default();
-        check_splat(&self.splat, e);
+        check_splat(self, e);
         let (project, ellipse, colour) = (
             project::Project::new(e, self),
             ellipse::Ellipse::new(e, self),
@@ -294,7 +294,8 @@ impl Machine {
 }
 
 /// The splat record is no unit's: its words are checked here.
-fn check_splat(splat: &Splat, e: &mut Elaboration) {
+fn check_splat(machine: &Machine, e: &mut Elaboration) {
+    let splat = &machine.splat;
     for (name, word, signed) in [
         ("position", splat.position, true),
         ("normal", splat.normal, true),
@@ -305,7 +306,7 @@ fn check_splat(splat: &Splat, e: &mut Elaboration) {
         e.port("splat", name, word);
         e.signedness("splat", name, word, signed);
     }
-    e.holds_one_or_an_ulp_less("splat", "rgb", splat.rgb);
-    e.holds_one_or_an_ulp_less("splat", "opacity", splat.opacity);
+    e.holds_one_or_an_ulp_less(machine, "splat", "rgb", splat.rgb);
+    e.holds_one_or_an_ulp_less(machine, "splat", "opacity", splat.opacity);
     e.holds_one("splat", "normal", splat.normal);
 }

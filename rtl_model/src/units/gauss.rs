@@ -104,7 +104,7 @@ impl Gauss {
         }
         e.fixed_point(UNIT, "radial_index", m.radial_index);
         // A word without integer bits holds 1 less an LSB. The table is scaled by that.
-        e.holds_one_or_an_ulp_less(UNIT, "falloff", m.falloff);
+        e.holds_one_or_an_ulp_less(machine, UNIT, "falloff", m.falloff);
         let argument = m.radial_index.format;
         e.require(argument.int_bits <= 5, || {
             format!(
