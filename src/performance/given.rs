@@ -7,7 +7,7 @@
 pub const CLOCK: &str = "timing.clock_hz";
 
 /// Fields without a unit cost, and why.
-pub const GIVEN: [(&str, &str); 22] = [
+pub const GIVEN: [(&str, &str); 24] = [
     (
         "timing.technology",
         "a better one takes less energy, and manufacturing in it has no unit cost",
@@ -39,7 +39,10 @@ pub const GIVEN: [(&str, &str); 22] = [
         "its latency is that of a memory that is not modelled",
     ),
     ("timing.walk.stack", "it follows from a tree's depth"),
+    ("timing.raster.row_cycles", SLOWER),
+    ("timing.tile.clear_cycles", SLOWER),
 ];
+const SLOWER: &str = "it only makes a machine slower, as one that others built";
 const MEMORY: &str = "memory is bought and has no unit cost";
 const BY_CLOCK: &str =
     "memory keeps its bytes per cycle, so another clock is another memory, which has no unit cost";

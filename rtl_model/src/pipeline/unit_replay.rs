@@ -198,7 +198,9 @@ pub fn sort(
         .enumerate()
         .map(|(nth, depth)| (nth, tap.fit_one(key, *depth)))
         .collect();
-    keyed.sort_by_key(|(_, key)| *key);
+    // The farthest first, where each Gaussian is blended at once.
+    let farthest_first = machine.machine.fragment.composite().is_some();
+    keyed.sort_by_key(|(_, key)| if farthest_first { -key } else { *key });
     Some(keyed)
 }
 

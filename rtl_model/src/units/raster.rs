@@ -253,9 +253,9 @@ const PIXEL_BITS: i32 = 14;
 pub fn square(machine: &Machine) -> Word {
     let offset = Exact::from(machine.raster.offset);
     let exact = offset.times(offset);
-    // A sign, and the square of the least offset.
-    (machine.raster.square)
-        .unwrap_or_else(|| Word::new(Format::signed(exact.int_bits + 2, exact.frac_bits)))
+    // A sign, and the square of the least offset. One that is too wide is refused.
+    let int_bits = (exact.int_bits + 2).min(MAX_WIDTH_BITS - exact.frac_bits);
+    (machine.raster.square).unwrap_or_else(|| Word::new(Format::signed(int_bits, exact.frac_bits)))
 }
 
 /// Critical path: offset, gradient, seed, compare; or offset, square, r, compare.
@@ -407,6 +407,10 @@ impl Raster {
         e.within(UNIT, "most_cutoff", m.most_cutoff.unwrap_or(32), 1, 32);
         e.holds_one(UNIT, "offset", m.offset);
         if is_direct {
+            let offset = m.offset.format.width();
+            e.require(m.square.is_some() || 2 * offset + 1 <= MAX_WIDTH_BITS, || {
+                format!("raster.square is left out, but exact squares of raster.offset {} need {} bits, and {MAX_WIDTH_BITS} can be held: give raster.square", m.offset, 2 * offset + 1)
+            });
             let square = square(machine);
             e.port(UNIT, "square", square);
             e.signedness(UNIT, "square", square, true);

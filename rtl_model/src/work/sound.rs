@@ -153,18 +153,21 @@ impl Work {
         let have_keys = self.keys.is_empty() || self.keys.len() == self.order.len();
         require(
             have_keys
-                && self
-                    .order
-                    .windows(2)
-                    .all(|pair| self.is_before(pair[0], pair[1])),
+                && [false, true].into_iter().any(|farthest_first| {
+                    (self.order.windows(2))
+                        .all(|pair| self.is_before(pair[0], pair[1], farthest_first))
+                }),
             "its order is not that of its keys",
         )
     }
 
     /// Whether a splat is drawn before another by their keys. Splats with equal keys are in input
     /// order.
-    fn is_before(&self, one: u32, other: u32) -> bool {
-        let key = |nth: u32| self.keys.get(nth as usize).map(|key| (*key, nth));
+    fn is_before(&self, one: u32, other: u32, farthest_first: bool) -> bool {
+        let key = |nth: u32| {
+            let key = self.keys.get(nth as usize).copied().map(i64::from);
+            key.map(|key| (if farthest_first { -key } else { key }, nth))
+        };
         self.keys.is_empty() || key(one) < key(other)
     }
 }
