@@ -1380,6 +1380,56 @@ fn few(folder: &Path) -> String {
     written_fields(folder, &json!(grid()[1..4]))
 }
 
+/// Two states can be one machine: a field that is left out, and the same value given. Each row has
+/// the results of its own machine, whatever else cannot be built.
+#[test]
+fn rows_of_a_search_over_lists_belong_to_their_machines() {
+    let folder = tempfile::tempdir().unwrap();
+    let city = json!({"splats": {"gaussians": "city", "count": 800}, "camera": {"eye": [0, 0.3, 3.95], "target": [0, 0.32, 0]}});
+    let path = folder.path().join("city.json");
+    std::fs::write(&path, city.to_string()).unwrap();
+    let fields = json!([
+        {"field": "bin.test", "values": ["box", "oriented-box", "ellipse"]},
+        {"field": "bin.subtile_px", "values": [null, 4, 8]},
+        {"field": "bin.masks", "values": [null, "bin", "list"]},
+        {"field": "sort.kind", "values": ["radix", "tile", "hierarchical"]},
+        {"field": "timing.sort.overlap", "values": [false, true]},
+        {"field": "timing.sort.units", "values": [1, 2, 4]},
+    ]);
+    let file = folder.path().join("fields.json");
+    std::fs::write(&file, fields.to_string()).unwrap();
+    let out = folder.path().join("out");
+    let output = splatsim(&[
+        "search",
+        path.to_str().unwrap(),
+        "--machine",
+        "gaussian",
+        "--size",
+        "48x32",
+        "--min-fps",
+        "1e9",
+        "--views",
+        "0",
+        "--fields",
+        file.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("the nearest draws "), "{told}");
+    let rows = std::fs::read_to_string(out.join("points.jsonl")).unwrap();
+    let mut without = 0;
+    for line in rows.lines() {
+        let row: Value = serde_json::from_str(line).unwrap();
+        let [changes, misfit] = [3, 4].map(|at| &row[1][at]);
+        let has_bin = changes.as_str().unwrap().contains("bin.");
+        assert!(has_bin || !misfit.to_string().contains("bin."), "{line}");
+        without += u32::from(!has_bin);
+    }
+    assert!(without > 5, "{rows}");
+}
+
 #[test]
 fn a_machine_that_cannot_be_fast_enough_says_what_is_nearest() {
     let folder = tempfile::tempdir().unwrap();

@@ -268,11 +268,15 @@ impl<'a> Climb<'a> {
             let built = in_order(batch.par_iter().map(|state| self.machine(state)))?;
             let key = |machine: &Machine| key(machine, &digests, &self.options.prices);
             let keys: Vec<String> = built.par_iter().map(key).collect();
-            let unknown = |key: &String| !self.known.contains_key(key);
+            // Two states can be the same machine: one gives a field the value that another leaves
+            // out.
+            let mut new_keys = HashSet::new();
+            let mut is_new =
+                |key: &String| !self.known.contains_key(key) && new_keys.insert(key.clone());
             let machines: Vec<Machine> = built
                 .into_iter()
                 .zip(&keys)
-                .filter(|(_, key)| unknown(key))
+                .filter(|(_, key)| is_new(key))
                 .map(|(machine, _)| machine)
                 .collect();
             let mut found = measured(&machines, &self.frames, &self.options.prices).into_iter();
