@@ -1477,6 +1477,32 @@ fn a_machine_that_cannot_be_elaborated_is_refused_with_all_its_errors() {
 }
 
 #[test]
+fn squares_that_no_word_holds_are_refused() {
+    for machine in ["gaussian", "reference"] {
+        let wide = [
+            "--set",
+            "raster.rows=direct",
+            "--set",
+            "raster.offset=I16F16",
+        ];
+        let arguments = [&["--machine", machine][..], &wide].concat();
+        run_refused(&arguments, "raster.square is left out, but exact squares");
+    }
+    run_refused(
+        &[
+            "bouquet",
+            "--machine",
+            "cubed",
+            "--set",
+            "raster.square=null",
+            "--set",
+            "raster.offset=I20F20",
+        ],
+        "raster.square is left out, but exact squares",
+    );
+}
+
+#[test]
 fn output_folders_that_cannot_be_written_are_refused() {
     let folder = folder();
     let file = write(&folder, "file", "mine");

@@ -325,6 +325,46 @@ fn says(output: &Output) -> &str {
     std::str::from_utf8(&output.stdout).unwrap()
 }
 
+/// `cubed` draws the farthest Gaussian first: its sort, alone and in a record that has keys.
+#[test]
+fn the_sort_of_cubed_is_that_of_its_trace_and_its_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let scene = path("city.json");
+    let text = r#"{"splats": {"gaussians": "city", "count": 900}, "camera": {"eye": [0, 0.3, 3.95], "target": [0, 0.32, 0]}}"#;
+    std::fs::write(&scene, text).unwrap();
+    let common = ["--machine", "cubed", "--size", "16x12"];
+    let run = |arguments: &[&str], input: Vec<u8>| {
+        let output = Command::new(PROGRAM.as_str())
+            .args(arguments)
+            .args(common)
+            .write_stdin(input)
+            .output()
+            .unwrap();
+        says(&output).to_owned()
+    };
+    let out = path("trace");
+    run(
+        &["trace", &scene, "--units", "sort", "--out", &out],
+        Vec::new(),
+    );
+    let depths = std::fs::read(path("trace/sort.in.hex")).unwrap();
+    let sorted = std::fs::read_to_string(path("trace/sort.out.hex")).unwrap();
+    assert!(sorted.lines().count() > 100, "{sorted}");
+    let alone = run(&["unit", "sort", "--scene", &scene], depths);
+    assert_eq!(alone, sorted);
+    let record = path("c.work");
+    run(
+        &["run", &scene, "--quiet", "--what-if", "--record", &record],
+        Vec::new(),
+    );
+    let replayed = Command::new(PROGRAM.as_str())
+        .args(["replay", &record])
+        .output()
+        .unwrap();
+    assert!(says(&replayed).contains("cycles at"));
+}
+
 #[test]
 fn the_filter_turns_each_input_of_the_committed_trace_into_its_output() {
     for unit in [
