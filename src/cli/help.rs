@@ -12,7 +12,8 @@ macro_rules! names {
     () => {
         "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
          volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet, city\n\
-         Named machines: reference, lean, tiny, window; volume; gaussian"
+         Named machines: reference, lean, tiny, window; volume; gaussian, fp16,\n\
+         gscore, flicker, nycu, cubed"
     };
 }
 
