@@ -135,16 +135,14 @@ fn points_that_differ_only_in_their_lists_share_a_frame() {
     let scene = json!({"splats": {"gaussians": "city", "count": 800}, "camera": {"eye": [0, 0.3, 3.95], "target": [0, 0.32, 0]}});
     fs::write(folder.path().join("city.json"), scene.to_string()).unwrap();
     let changes = [
-        ("bin.subtile_px", json!(8)),
-        ("sort.kind", json!("hierarchical")),
-        ("bin.test", json!("ellipse")),
-        ("sort.kind", json!("tile")),
-        ("bin.test", json!("oriented-box")),
-        ("timing.clock_hz", json!(1_000_000_000_000_u64)),
+        ("bin.subtile_px", json!([8])),
+        ("sort.kind", json!(["hierarchical", "tile"])),
+        ("bin.test", json!(["ellipse", "oriented-box"])),
+        ("timing.clock_hz", json!([1_000_000_000_000_u64])),
     ];
     let axes = changes
         .each_ref()
-        .map(|(field, value)| json!({"field": field, "values": [value]}));
+        .map(|(field, value)| json!({"field": field, "values": value}));
     let plan = json!({"scenes": ["city.json"], "size": [48, 32], "machine": "gaussian", "order": "one-at-a-time", "axes": axes});
     let (path, out) = (folder.path().join("plan.json"), folder.path().join("out"));
     fs::write(&path, plan.to_string()).unwrap();
