@@ -325,6 +325,7 @@ fn every_sort_with_an_order_draws_the_picture_of_radix() {
             assert!(with(kind, tile_bits).0 == radix, "seed {seed}: {kind:?}");
         }
         pictures += u64::from(!work.order.is_empty());
+        let farthest_first = (frame.sheets.as_ref()).is_some_and(|sheets| sheets.back_to_front);
         let (_, _, work) = with(SortKind::Hierarchical, None);
         assert_eq!(work.keys.len(), work.order.len());
         let bits = machine.sort.unwrap().key.format.width();
@@ -346,8 +347,15 @@ fn every_sort_with_an_order_draws_the_picture_of_radix() {
                     .map(|(key, _)| *key)
                     .collect::<BTreeSet<_>>()
                     .len();
+            // The farthest first where the frame is blended from the back.
+            if farthest_first {
+                buckets.reverse();
+            }
             let sorted = buckets.into_iter().flat_map(|mut bucket| {
                 bucket.sort_unstable();
+                if farthest_first {
+                    bucket.sort_by_key(|(key, _)| std::cmp::Reverse(*key));
+                }
                 bucket
             });
             assert_eq!(
