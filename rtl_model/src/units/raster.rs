@@ -408,7 +408,7 @@ impl Raster {
         e.holds_one(UNIT, "offset", m.offset);
         if is_direct {
             let offset = m.offset.format.width();
-            e.require(m.square.is_some() || 2 * offset + 1 <= MAX_WIDTH_BITS, || {
+            e.require(m.square.is_some() || 2 * offset < MAX_WIDTH_BITS, || {
                 format!("raster.square is left out, but exact squares of raster.offset {} need {} bits, and {MAX_WIDTH_BITS} can be held: give raster.square", m.offset, 2 * offset + 1)
             });
             let square = square(machine);
