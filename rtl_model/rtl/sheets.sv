@@ -7,7 +7,8 @@
 //   m <- outcome of each contribution        h <- after the last one: contents of all pixels
 //
 // If each splat is a separate sheet, nothing is added: its weight, clamped to a limit, is blended
-// at once. With MACHINE_COMPOSITE every splat is, and a composite has a word of its own. A pixel whose transmittance is below `stop` takes no more contributions.
+// at once. With MACHINE_COMPOSITE every splat is, and a composite has a word of its own. A pixel
+// whose transmittance is below `stop` takes no more contributions.
 //
 // A contribution is taken in one cycle. In the next cycle its pixel is read and the outcome is
 // decided, and HAZARD - 2 registers later the pixel is written: the same pixel can be taken again

@@ -21,7 +21,7 @@ impl Machine {
             "gscore" => Some(published::gscore()),
             "flicker" => Some(published::flicker()),
             "nycu" => Some(published::nycu()),
-            "cubed" => Some(cubed()),
+            "cubed" => Some(published::cubed()),
             _ => None,
         }
     }
@@ -33,9 +33,6 @@ impl Machine {
     /// Names of the machines for volumes and for Gaussians.
     pub const ELLIPSOID_NAMES: [&str; 3] = ["volume", "gaussian", "fp16"];
 
-    /// Names of the machines that draw only Gaussians.
-    pub const GAUSSIAN_NAMES: [&str; 1] = ["cubed"];
-
     /// All names.
     pub fn names() -> impl Iterator<Item = &'static str> + Clone {
         Self::NAMES
@@ -43,15 +40,14 @@ impl Machine {
             .chain(Self::WINDOW_NAMES)
             .chain(Self::ELLIPSOID_NAMES)
             .chain(Self::PUBLISHED_NAMES)
-            .chain(Self::GAUSSIAN_NAMES)
     }
 }
 
-const fn signed(int_bits: i32, frac_bits: i32) -> Word {
+pub(super) const fn signed(int_bits: i32, frac_bits: i32) -> Word {
     Word::new(Format::signed(int_bits, frac_bits))
 }
 
-const fn unsigned(int_bits: i32, frac_bits: i32) -> Word {
+pub(super) const fn unsigned(int_bits: i32, frac_bits: i32) -> Word {
     Word::new(Format::unsigned(int_bits, frac_bits))
 }
 
@@ -623,101 +619,6 @@ pub(super) fn gaussian() -> Machine {
         shade: Shade {
             premultiplied: unsigned(3, 18),
             ..base.shade
-        },
-        ..base
-    }
-}
-
-/// The words of cubed, an open renderer for an FPGA (docs/book/machine-cubed.md): everything from
-/// the record of a projected Gaussian to the pixel. Setup is that of `gaussian`: the original does
-/// it in software.
-fn cubed() -> Machine {
-    let base = gaussian();
-    let truncated = |word: Word| word.rounded(Rounding::Truncate);
-    Machine {
-        name: "cubed".into(),
-        splat: Splat {
-            rgb: unsigned(0, 8),
-            opacity: unsigned(0, 8),
-            ..base.splat
-        },
-        project: Project {
-            pixel: signed(base.project.pixel.format.int_bits, 4),
-            ..base.project
-        },
-        // 2·Q01 has 14 fraction bits, as Q00 has.
-        ellipse: Ellipse {
-            conic: unsigned(2, 14),
-            conic_cross: signed(2, 15),
-            amplitude: unsigned(0, 8),
-            ..base.ellipse
-        },
-        sort: Some(Sort {
-            kind: SortKind::Radix,
-            key: unsigned(1, 15),
-            tile_bits: None,
-            digit_bits: 8,
-        }),
-        raster: Raster {
-            rows: Rows::Direct,
-            cutoff: unsigned(5, 16),
-            most_cutoff: Some(8),
-            offset: signed(14, 4),
-            square: Some(truncated(signed(28, 4))),
-            radial: signed(14, 18).overflowing(Overflow::Wrap),
-            ..base.raster
-        },
-        gauss: Gauss {
-            radial_index: truncated(unsigned(3, 8)),
-            // Without bits below the address, the words are those at the beginnings of steps.
-            table: TableShape {
-                index_bits: 11,
-                interpolation: Interpolation::Linear,
-            },
-            falloff: unsigned(0, 16),
-            weight: truncated(unsigned(0, 7)),
-        },
-        fragment: Fragment {
-            layers: 1,
-            weight_sum: unsigned(1, 7),
-            colour_sum: unsigned(1, 15),
-            opacity_sum: unsigned(1, 10),
-            sheets: base.fragment.sheets.map(|sheets| Sheets {
-                composite: Some(truncated(unsigned(0, 10))),
-                ..sheets
-            }),
-            ..base.fragment
-        },
-        shade: Shade {
-            premultiplied: unsigned(1, 15),
-            ..base.shade
-        },
-        resolve: Resolve {
-            frame: unsigned(1, 10),
-            ..base.resolve
-        },
-        timing: timing::Timing {
-            clock_hz: 70_000_000,
-            technology: timing::Technology::Fpga,
-            engines: Some(4),
-            raster: timing::Raster {
-                lanes: [1, 1],
-                row_cycles: Some(3),
-                ..timing::DEFAULT.raster
-            },
-            tile: timing::Tile {
-                side_px: 32,
-                buffers: 2,
-                clear_cycles: Some(1024),
-            },
-            // A record has 32 bytes: the FIFO of 32 words of 64 bits holds eight.
-            fetch: timing::Fetch { fifo: 8 },
-            memory: timing::Memory {
-                bytes_per_cycle: 8,
-                burst_bytes: 32,
-                ..timing::DEFAULT.memory
-            },
-            ..timing::DEFAULT
         },
         ..base
     }

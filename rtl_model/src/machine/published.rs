@@ -3,15 +3,20 @@
 //! Counts, widths, buffers and clocks are those of the papers. What the papers leave open follows
 //! from the named machine that each is based on. `docs/book/published.md` says which is which.
 
-use super::named::{fp16, gaussian};
+use super::named::{fp16, gaussian, signed, unsigned};
 use super::timing::{
-    Fetch, Memory, Organisation, Preset, Raster as RasterTiming, Setup, Sorter, Tile, Timing,
+    DEFAULT, Fetch, Memory, Organisation, Preset, Raster as RasterTiming, Setup, Sorter,
+    Technology, Tile, Timing,
 };
-use super::{Bin, BinTest, Ellipse, Machine, MaskMaker, Raster, Sort, SortKind};
+use super::{
+    Bin, BinTest, Ellipse, Fragment, Gauss, Interpolation, Machine, MaskMaker, Project, Raster,
+    Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat, TableShape,
+};
+use crate::num::{Overflow, Rounding, Word};
 
 impl Machine {
     /// Names of the machines that others published.
-    pub const PUBLISHED_NAMES: [&str; 3] = ["gscore", "flicker", "nycu"];
+    pub const PUBLISHED_NAMES: [&str; 4] = ["gscore", "flicker", "nycu", "cubed"];
 }
 
 /// `fp16`, with those words in fixed point that a test of tiles needs in fixed point.
@@ -44,18 +49,27 @@ fn sorted(machine: Machine, kind: SortKind) -> Machine {
 /// memory and not its bandwidth limits a frame.
 const PREFETCHED: Fetch = Fetch { fifo: 64 };
 
-/// Memory of 51.2 GB/s with enough requests in flight for it.
-fn lpddr4(memory: Memory) -> Memory {
-    Memory {
-        preset: Some(Preset::Lpddr4),
-        bytes_per_cycle: 0,
-        hit_latency: 0,
-        miss_latency: 0,
-        burst_bytes: 0,
-        row_bytes: 0,
-        banks: 0,
-        outstanding: 128,
-        ..memory
+/// Tiles of 16 pixels in two buffers, this many pixels per cycle and engine, and memory of 51.2 GB/s
+/// with enough requests in flight for it.
+fn in_tiles(base: Timing, lanes: [u32; 2]) -> Timing {
+    Timing {
+        organisation: Organisation::Binned,
+        fetch: PREFETCHED,
+        raster: RasterTiming {
+            lanes,
+            latency: None,
+            ..base.raster
+        },
+        tile: Tile {
+            side_px: 16,
+            buffers: 2,
+            clear_cycles: None,
+        },
+        memory: Memory {
+            outstanding: 128,
+            ..base.memory.with_preset(Preset::Lpddr4)
+        },
+        ..base
     }
 }
 
@@ -85,9 +99,7 @@ pub(super) fn gscore() -> Machine {
         }),
         timing: Timing {
             clock_hz: 1_000_000_000,
-            organisation: Organisation::Binned,
             engines: Some(4),
-            fetch: PREFETCHED,
             project: setup(t.project, 4, 16),
             ellipse: setup(t.ellipse, 4, 64),
             sort: Some(Sorter {
@@ -97,18 +109,7 @@ pub(super) fn gscore() -> Machine {
                 bucket_bits: Some(3),
                 overlap: true,
             }),
-            raster: RasterTiming {
-                lanes: [4, 4],
-                latency: None,
-                ..t.raster
-            },
-            tile: Tile {
-                side_px: 16,
-                buffers: 2,
-                clear_cycles: None,
-            },
-            memory: lpddr4(t.memory),
-            ..t
+            ..in_tiles(t, [4, 4])
         },
         ..base
     }
@@ -151,8 +152,6 @@ pub(super) fn nycu() -> Machine {
         name: "nycu".into(),
         timing: Timing {
             clock_hz: 800_000_000,
-            organisation: Organisation::Binned,
-            fetch: PREFETCHED,
             project: setup(t.project, 1, 8),
             ellipse: setup(t.ellipse, 1, 32),
             sort: Some(Sorter {
@@ -162,18 +161,102 @@ pub(super) fn nycu() -> Machine {
                 bucket_bits: Some(8),
                 overlap: true,
             }),
+            ..in_tiles(t, [4, 1])
+        },
+        ..base
+    }
+}
+
+/// The words of cubed, an open renderer for an FPGA (docs/book/machine-cubed.md): everything from
+/// the record of a projected Gaussian to the pixel. Setup is that of `gaussian`: the original does
+/// it in software.
+pub(super) fn cubed() -> Machine {
+    let base = gaussian();
+    let truncated = |word: Word| word.rounded(Rounding::Truncate);
+    Machine {
+        name: "cubed".into(),
+        splat: Splat {
+            rgb: unsigned(0, 8),
+            opacity: unsigned(0, 8),
+            ..base.splat
+        },
+        project: Project {
+            pixel: signed(base.project.pixel.format.int_bits, 4),
+            ..base.project
+        },
+        // 2·Q01 has 14 fraction bits, as Q00 has.
+        ellipse: Ellipse {
+            conic: unsigned(2, 14),
+            conic_cross: signed(2, 15),
+            amplitude: unsigned(0, 8),
+            ..base.ellipse
+        },
+        sort: Some(Sort {
+            kind: SortKind::Radix,
+            key: unsigned(1, 15),
+            tile_bits: None,
+            digit_bits: 8,
+        }),
+        raster: Raster {
+            rows: Rows::Direct,
+            cutoff: unsigned(5, 16),
+            most_cutoff: Some(8),
+            offset: signed(14, 4),
+            square: Some(truncated(signed(28, 4))),
+            radial: signed(14, 18).overflowing(Overflow::Wrap),
+            ..base.raster
+        },
+        gauss: Gauss {
+            radial_index: truncated(unsigned(3, 8)),
+            // Without bits below the address, the words are those at the beginnings of steps.
+            table: TableShape {
+                index_bits: 11,
+                interpolation: Interpolation::Linear,
+            },
+            falloff: unsigned(0, 16),
+            weight: truncated(unsigned(0, 7)),
+        },
+        fragment: Fragment {
+            layers: 1,
+            weight_sum: unsigned(1, 7),
+            colour_sum: unsigned(1, 15),
+            opacity_sum: unsigned(1, 10),
+            sheets: base.fragment.sheets.map(|sheets| Sheets {
+                composite: Some(truncated(unsigned(0, 10))),
+                ..sheets
+            }),
+            ..base.fragment
+        },
+        shade: Shade {
+            premultiplied: unsigned(1, 15),
+            ..base.shade
+        },
+        resolve: Resolve {
+            frame: unsigned(1, 10),
+            ..base.resolve
+        },
+        timing: Timing {
+            clock_hz: 70_000_000,
+            technology: Technology::Fpga,
+            engines: Some(4),
             raster: RasterTiming {
-                lanes: [4, 1],
-                latency: None,
-                ..t.raster
+                lanes: [1, 1],
+                row_cycles: Some(3),
+                ..DEFAULT.raster
             },
             tile: Tile {
-                side_px: 16,
+                side_px: 32,
                 buffers: 2,
-                clear_cycles: None,
+                clear_cycles: Some(1024),
             },
-            memory: lpddr4(t.memory),
-            ..t
+            // A record has 32 bytes: the FIFO of 32 words of 64 bits holds eight.
+            fetch: Fetch { fifo: 8 },
+            memory: Memory {
+                bytes_per_cycle: 8,
+                burst_bytes: 32,
+                ..DEFAULT.memory
+            },
+            ..DEFAULT
         },
         ..base
     }

@@ -704,6 +704,31 @@ impl Memory {
         self.interleave_bytes.unwrap_or(self.burst_bytes)
     }
 
+    /// The memory with a preset, which fills all numbers ([`FILLED`](Self::FILLED)).
+    pub fn with_preset(self, preset: Preset) -> Self {
+        Memory {
+            preset: Some(preset),
+            bytes_per_cycle: 0,
+            bytes_per_cycle_permille: None,
+            hit_latency: 0,
+            miss_latency: 0,
+            burst_bytes: 0,
+            row_bytes: 0,
+            banks: 0,
+            channels: None,
+            interleave_bytes: None,
+            ranks: None,
+            rank_switch_cycles: None,
+            refresh_interval_cycles: None,
+            refresh_cycles: None,
+            turnaround_cycles: None,
+            write_batch: None,
+            row_cycles: None,
+            four_rows_cycles: None,
+            ..self
+        }
+    }
+
     /// Whether more than the bandwidth and the open rows of a single channel matter. The memory must
     /// be [resolved](Self::resolved).
     pub fn has_channels(&self) -> bool {

@@ -7,12 +7,11 @@
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
 //! The second pass begins when the first pass and the sort have ended. Sorters of lists may also
-//! overlap with it. Tiles are drawn row by row,
-//! or the longest lists first. Tiles without an entry are only written, after the previous tile of
-//! the picture. The pass has one or more engines, which share only memory and the queue: the next
-//! tile goes to the engine whose list unit is free first. Entries of all engines are replayed in
-//! order of time, so requests to memory are in order of time. When every pixel of a tile has
-//! stopped, the rest of its list is not read.
+//! overlap with it. Tiles are drawn row by row, or the longest lists first. Tiles without an entry
+//! are only written, after the previous tile of the picture. The pass has one or more engines,
+//! which share only memory and the queue: the next tile goes to the engine whose list unit is free
+//! first. Entries of all engines are replayed in order of time, so requests to memory are in order
+//! of time. When every pixel of a tile has stopped, the rest of its list is not read.
 //!
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`,
 //! `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
@@ -423,11 +422,11 @@ impl<'a> SecondPass<'a> {
         self.write_empty(0, self.from, memory);
         loop {
             let next = self.next(&engines);
-            let sorts_at = self.sorters.as_ref().and_then(Sorters::next);
-            if let Some(sorters) = &mut self.sorters
-                && sorts_at.is_some_and(|at| next.is_none_or(|(from, _)| at <= from))
+            let sorts = self.sorters.as_ref().and_then(Sorters::next);
+            if let (Some(sorters), Some(first)) = (&mut self.sorters, sorts)
+                && next.is_none_or(|(from, _)| first.0 <= from)
             {
-                sorters.step(memory);
+                sorters.step(first, memory);
                 continue;
             }
             let Some((_, nth)) = next else { break };
@@ -435,7 +434,7 @@ impl<'a> SecondPass<'a> {
                 .filter(|(other, engine)| *other != nth && self.is_at_work(engine));
             let others_from = others
                 .map(|(_, engine)| engine.free())
-                .chain(sorts_at)
+                .chain(sorts.map(|(at, ..)| at))
                 .min()
                 .unwrap_or(u64::MAX);
             let engine = &mut engines[nth];

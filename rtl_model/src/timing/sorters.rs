@@ -468,6 +468,9 @@ impl Sorter {
     }
 }
 
+/// Its cycle, whether it is a load, and the sorter that sends it.
+type NextRequest = (u64, bool, usize);
+
 /// The sorters of a machine, and the lists that they sort.
 pub struct Sorters<'a> {
     plan: Plan<'a>,
@@ -514,24 +517,16 @@ impl<'a> Sorters<'a> {
         })
     }
 
-    /// The sorter with the next request, after its cycle and whether it is a load: stores first.
-    fn first(&self) -> Option<(u64, bool, usize)> {
+    /// The next request: stores first.
+    pub fn next(&self) -> Option<NextRequest> {
         let are_left = !self.queue.is_empty();
         (self.sorters.iter().enumerate())
             .filter_map(|(nth, sorter)| sorter.next(are_left).map(|(when, load)| (when, load, nth)))
             .min()
     }
 
-    /// The cycle of the next request.
-    pub fn next(&self) -> Option<u64> {
-        self.first().map(|(when, ..)| when)
-    }
-
     /// Sends the next request.
-    pub fn step(&mut self, memory: &mut Memory) {
-        let Some((now, is_load, nth)) = self.first() else {
-            return;
-        };
+    pub fn step(&mut self, (now, is_load, nth): NextRequest, memory: &mut Memory) {
         let sorter = &mut self.sorters[nth];
         if !is_load {
             if let Some(tile) = sorter.store(self.from, memory) {
@@ -571,9 +566,9 @@ pub fn sort_lists(
 ) -> Option<(Vec<Unit>, u64)> {
     let tiles = (0..lists.tiles()).filter(|tile| !lists.of(*tile).is_empty());
     let mut sorters = Sorters::new(t, work, lists, tiles, from, detail)?;
-    while let Some(now) = sorters.next() {
-        memory.forget(now);
-        sorters.step(memory);
+    while let Some(next) = sorters.next() {
+        memory.forget(next.0);
+        sorters.step(next, memory);
     }
     let (units, sorted) = sorters.end();
     memory.forget(sorted);

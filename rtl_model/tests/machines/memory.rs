@@ -328,20 +328,7 @@ fn a_preset_is_as_fast_as_its_data_sheet_at_any_clock() {
             1_000_000_000,
             1_700_000_000,
         ] {
-            let left_out = Memory {
-                bytes_per_cycle: 0,
-                hit_latency: 0,
-                miss_latency: 0,
-                burst_bytes: 0,
-                row_bytes: 0,
-                banks: 0,
-                ..plain()
-            };
-            let memory = Memory {
-                preset: Some(preset),
-                ..left_out
-            }
-            .resolved(clock_hz);
+            let memory = plain().with_preset(preset).resolved(clock_hz);
             let bytes = memory.bytes_per_1000_cycles() as f64 / 1000.0 * clock_hz as f64;
             assert!(
                 bytes <= gigabytes * 1e9 && bytes > gigabytes * 0.999e9,
