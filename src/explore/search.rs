@@ -34,7 +34,7 @@ use crate::hardware::{fixed, machines};
 use crate::output::files::{Folder, write_beside};
 use crate::output::picture::Picture;
 use crate::output::progress::Progress;
-use crate::output::text::{aligned, duration, plain_table, thousands, wrapped};
+use crate::output::text::{aligned, duration, plain, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
 use crate::run::evaluation::Evaluation;
 use crate::run::timed;
@@ -2404,10 +2404,7 @@ fn differences(base: &Value, now: &Value, path: &str, changes: &mut Vec<String>)
                 differences(base.get(name).unwrap_or(&Value::Null), now, &below, changes);
             }
         }
-        _ if base != now => changes.push(format!(
-            "{path}={}",
-            now.as_str().map_or_else(|| now.to_string(), str::to_owned)
-        )),
+        _ if base != now => changes.push(format!("{path}={}", plain(now))),
         _ => {}
     }
 }
@@ -2526,10 +2523,7 @@ impl SearchOutcome {
             let _ = write!(text, "\n{}", wrapped(&self.checked_text()));
         }
         let tight = self.tight.iter().take(MOST_CRITICAL).map(|tight| {
-            let value = tight
-                .value
-                .as_str()
-                .map_or_else(|| tight.value.to_string(), str::to_owned);
+            let value = plain(&tight.value);
             let bit = if tight.part == KnobPart::IntegerBit {
                 "integer bit: "
             } else {

@@ -66,6 +66,13 @@ pub fn plain_table(header: &[&str]) -> Table {
     table
 }
 
+/// A value of JSON; a string without its quotes.
+pub fn plain(value: &serde_json::Value) -> String {
+    value
+        .as_str()
+        .map_or_else(|| value.to_string(), str::to_owned)
+}
+
 /// All columns but the first right-aligned and close together.
 pub fn aligned(mut table: Table) -> Table {
     let columns = table.column_count();

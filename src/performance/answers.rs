@@ -11,7 +11,7 @@
 //! `an_answer_is_what_the_run_with_it_says`.
 
 use crate::hardware::{fixed, machines};
-use crate::output::text::{aligned, plain_table, wrapped};
+use crate::output::text::{aligned, plain, plain_table, wrapped};
 use crate::performance::clock;
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::frames_per_second;
@@ -22,7 +22,7 @@ use rtl_model::elaboration::sorter::SorterShape;
 use rtl_model::machine::timing::{Colour, Organisation, Queue, Sorter, Timing};
 use rtl_model::machine::{BinTest, MaskMaker, SortKind};
 use rtl_model::pipeline::Elaborated;
-use rtl_model::timing::{Cycles, Detail, Frame};
+use rtl_model::timing::{Cycles, Detail, RecordedFrame};
 use rtl_model::work::Work;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -84,7 +84,12 @@ pub struct Answer {
 
 impl Answers {
     /// Results for a machine that took these cycles for this work.
-    pub fn new(machine: &Elaborated, frame: &Frame, cycles: &Cycles, prices: &Prices) -> Self {
+    pub fn new(
+        machine: &Elaborated,
+        frame: &RecordedFrame,
+        cycles: &Cycles,
+        prices: &Prices,
+    ) -> Self {
         let mut all = candidates(machine);
         all.extend(candidates_of_lists(&machine.machine, frame.work));
         let before = CostReport::new(machine, cycles, prices).cost.area;
@@ -199,8 +204,8 @@ impl Answers {
             };
             rows.push([
                 field,
-                text(from),
-                text(to),
+                plain(from),
+                plain(to),
                 percent(*faster),
                 percent(*larger),
                 format!("{frames_per_second:.1}"),
@@ -228,13 +233,6 @@ impl Answers {
         };
         format!("{head}\n{table}{mark}")
     }
-}
-
-/// A value; a word without quotes.
-fn text(value: &Value) -> String {
-    value
-        .as_str()
-        .map_or_else(|| value.to_string(), str::to_owned)
 }
 
 fn percent(part: f64) -> String {

@@ -10,7 +10,7 @@ use crate::output::chart::{Axis, Bars, Mark, Panel, Series, Shape};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{
-    self, Cycles, Direction, Frame, Limit, Limited, REQUESTERS, Request, Requester, Share,
+    self, Cycles, Direction, Limit, Limited, REQUESTERS, RecordedFrame, Request, Requester, Share,
     TileCycles, Tiles, Wait,
 };
 use rtl_model::work::Work;
@@ -195,12 +195,12 @@ impl CyclesReport {
     }
 
     /// Report of a replay of a frame.
-    pub fn on(timing: &Microarchitecture, frame: &Frame, cycles: &Cycles) -> Self {
+    pub fn on(timing: &Microarchitecture, frame: &RecordedFrame, cycles: &Cycles) -> Self {
         CyclesReport::limited(timing, cycles, frame.limit(timing, cycles))
     }
 
     /// Reports of replays of a frame on several machines.
-    pub fn all(frames: &[(&Microarchitecture, &Cycles)], frame: &Frame) -> Vec<Self> {
+    pub fn all(frames: &[(&Microarchitecture, &Cycles)], frame: &RecordedFrame) -> Vec<Self> {
         let limits = frame.limits(frames);
         frames
             .iter()

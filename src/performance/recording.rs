@@ -29,7 +29,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::BinWords;
 use rtl_model::machine::SortKind;
 use rtl_model::num::Word;
-use rtl_model::timing::{Detail, Frame};
+use rtl_model::timing::{Detail, RecordedFrame};
 use rtl_model::work::{TestedWords, Work};
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -296,7 +296,7 @@ impl Recording {
         } else {
             Detail::Histograms
         };
-        let frame = Frame::new(&self.work);
+        let frame = RecordedFrame::new(&self.work);
         let cycles = frame.replay(&elaborated.timing, detail);
         let report = CyclesReport::on(&elaborated.timing, &frame, &cycles);
         let answers = answers.then(|| Answers::new(&elaborated, &frame, &cycles, prices));

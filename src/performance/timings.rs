@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::Walk;
-use rtl_model::timing::{Cycles, Detail, Frame};
+use rtl_model::timing::{Cycles, Detail, RecordedFrame};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::str::FromStr;
@@ -189,7 +189,7 @@ pub(super) fn holds_stack(walk: Option<Walk>, deepest: u64) -> std::result::Resu
     Ok(())
 }
 
-/// Frame times by value.
+/// RecordedFrame times by value.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Timings {
     /// The field; several are separated by commas.
@@ -211,7 +211,7 @@ pub struct TimingRow {
 
 impl Timings {
     /// Replays a frame on all variants.
-    pub fn new(variants: &Variants, frame: &Frame) -> Self {
+    pub fn new(variants: &Variants, frame: &RecordedFrame) -> Self {
         let replayed: Vec<Cycles> = variants
             .machines
             .par_iter()

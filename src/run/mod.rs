@@ -36,7 +36,7 @@ use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::{Accuracy, Distances, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::{Scene, memory};
 use rtl_model::Machine;
-use rtl_model::timing::{Detail, Frame};
+use rtl_model::timing::{Detail, RecordedFrame};
 use rtl_model::work::Work;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -178,7 +178,7 @@ pub fn run(
         Detail::Histograms
     };
     let replay = || {
-        let frame = Frame::new(&work);
+        let frame = RecordedFrame::new(&work);
         let (cycles, seconds) = timed(|| frame.replay(&elaborated.timing, detail));
         let timings = options
             .timings

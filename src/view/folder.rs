@@ -18,6 +18,7 @@ use crate::error::{Error, Result};
 use crate::explore::sweep::table::Table;
 use crate::hardware::{fixed, machines};
 use crate::input;
+use crate::output::text::plain;
 use rtl_model::Machine;
 use rtl_model::graph::flow::Flow;
 use rtl_model::pipeline::rtl;
@@ -689,13 +690,7 @@ fn flatten(
         }
         Value::Array(items) if items.len() == 1 => return flatten(&items[0], name, row, left),
         Value::Array(items) if items.iter().any(Value::is_string) => {
-            let texts: Vec<String> = items
-                .iter()
-                .map(|item| {
-                    item.as_str()
-                        .map_or_else(|| item.to_string(), str::to_owned)
-                })
-                .collect();
+            let texts: Vec<String> = items.iter().map(plain).collect();
             Value::from(texts.join(" "))
         }
         Value::Array(items) => {

@@ -23,7 +23,7 @@ pub use lists::{Lists, MaskCounts, TileTests};
 
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
-use super::frame::Frame;
+use super::frame::RecordedFrame;
 use super::memory::{Direction, LISTS, Memory, Outstanding, RECORDS, Requester, WORDS};
 use super::sorters::{self, Sorters};
 use super::stages::{Fill, FinalPixels, Merge, Resolve, SetUp, Stamp};
@@ -50,7 +50,7 @@ pub fn list_address(t: &Microarchitecture, tile: usize) -> u64 {
 }
 
 /// Replays a frame.
-pub fn replay(timing: &Microarchitecture, frame: &Frame, detail: Detail) -> Cycles {
+pub fn replay(timing: &Microarchitecture, frame: &RecordedFrame, detail: Detail) -> Cycles {
     let lists = frame.lists(timing);
     Listed::new(timing, frame.work, &lists, detail).draw(timing, frame, &lists, detail)
 }
@@ -101,7 +101,7 @@ impl<'a> Listed<'a> {
     pub fn draw(
         mut self,
         t: &'a Microarchitecture,
-        frame: &Frame<'a>,
+        frame: &RecordedFrame<'a>,
         lists: &Lists,
         detail: Detail,
     ) -> Cycles {
@@ -399,7 +399,7 @@ impl<'a> SecondPass<'a> {
     /// tile's cycles. Appends the sorters that worked meanwhile to `sort`.
     fn run(
         mut self,
-        frame: &Frame<'a>,
+        frame: &RecordedFrame<'a>,
         memory: &mut Memory,
         detail: Detail,
         sort: &mut Vec<Unit>,

@@ -26,7 +26,7 @@ const SHAPES: usize = 2;
 type Shape = (u32, Option<(BinWords, Option<Masks>)>);
 
 /// A recorded frame.
-pub struct Frame<'w> {
+pub struct RecordedFrame<'w> {
     /// Its recorded work.
     pub work: &'w Work,
     lists: Mutex<Vec<(Shape, Arc<Lists>)>>,
@@ -34,10 +34,10 @@ pub struct Frame<'w> {
     held: OnceLock<Arc<FinalPixels>>,
 }
 
-impl<'w> Frame<'w> {
+impl<'w> RecordedFrame<'w> {
     /// A frame of which nothing is prepared yet.
     pub fn new(work: &'w Work) -> Self {
-        Frame {
+        RecordedFrame {
             work,
             lists: Mutex::default(),
             stops: OnceLock::new(),

@@ -9,7 +9,7 @@
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::cache::Cache;
-use super::frame::Frame;
+use super::frame::RecordedFrame;
 use super::memory::{Direction, LINES, Memory, Outstanding, Requester, WORDS};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use super::stamps::{Piece, Stamps, below};
@@ -53,7 +53,7 @@ impl FrameLines {
 }
 
 /// Replays a frame.
-pub fn replay(timing: &Microarchitecture, frame: &Frame, detail: Detail) -> Cycles {
+pub fn replay(timing: &Microarchitecture, frame: &RecordedFrame, detail: Detail) -> Cycles {
     let work = frame.work;
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);

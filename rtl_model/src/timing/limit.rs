@@ -23,7 +23,7 @@
 
 use super::binned::Listed;
 use super::binned::batched::replay_frame;
-use super::{Cycles, Detail, Frame, UnitCycles, Wait, replay_on};
+use super::{Cycles, Detail, RecordedFrame, UnitCycles, Wait, replay_on};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::machine::timing::Organisation;
@@ -54,11 +54,15 @@ pub struct Limit {
 /// The limit of a frame with these cycles. For equal gains, the first in the order of the diagram,
 /// then hazards, then memory; if no single limit gains anything, the busiest unit.
 pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit {
-    limit_on(timing, &Frame::new(work), cycles)
+    limit_on(timing, &RecordedFrame::new(work), cycles)
 }
 
 /// [`limit`], with what the replays of a frame share.
-pub(super) fn limit_on(timing: &Microarchitecture, frame: &Frame, cycles: &Cycles) -> Limit {
+pub(super) fn limit_on(
+    timing: &Microarchitecture,
+    frame: &RecordedFrame,
+    cycles: &Cycles,
+) -> Limit {
     let work = frame.work;
     let mut search = LimitSearch::new(timing, work, cycles);
     // The first pass and the sort, for units behind them.
@@ -81,11 +85,14 @@ pub(super) fn limit_on(timing: &Microarchitecture, frame: &Frame, cycles: &Cycle
 
 /// [`limit`] for several machines, with batched replays.
 pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limit> {
-    limits_on(frames, &Frame::new(work))
+    limits_on(frames, &RecordedFrame::new(work))
 }
 
 /// [`limits`], with what the replays of a frame share.
-pub(super) fn limits_on(frames: &[(&Microarchitecture, &Cycles)], frame: &Frame) -> Vec<Limit> {
+pub(super) fn limits_on(
+    frames: &[(&Microarchitecture, &Cycles)],
+    frame: &RecordedFrame,
+) -> Vec<Limit> {
     let mut searches: Vec<LimitSearch> = frames
         .iter()
         .map(|(timing, cycles)| LimitSearch::new(timing, frame.work, cycles))

@@ -43,7 +43,7 @@ mod walk;
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use binned::batched::replay_all;
 pub use binned::{Lists, MaskCounts, TileTests};
-pub use frame::Frame;
+pub use frame::RecordedFrame;
 pub use limit::{Limit, Limited, limit, limits, most_gained};
 pub use memory::{Direction, MemoryCycles, REQUESTERS, Request, Requester, serve};
 pub use stops::EarlyTermination;
@@ -150,11 +150,11 @@ const RESOLVE_SHADE: &str = "resolve-shade";
 
 /// Replays a frame's work on a microarchitecture. The cycles do not depend on `detail`.
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
-    replay_on(timing, &Frame::new(work), detail)
+    replay_on(timing, &RecordedFrame::new(work), detail)
 }
 
 /// [`replay`], with what the replays of a frame share.
-fn replay_on(timing: &Microarchitecture, frame: &Frame, detail: Detail) -> Cycles {
+fn replay_on(timing: &Microarchitecture, frame: &RecordedFrame, detail: Detail) -> Cycles {
     let cycles = match timing.timing.organisation {
         Organisation::Immediate => immediate::replay(timing, frame, detail),
         Organisation::Binned => binned::replay(timing, frame, detail),

@@ -19,7 +19,7 @@ use crate::input;
 use crate::output::chart;
 use crate::output::chart::{Axis, Bars, Chart, Mark, Panel, Series, Shape};
 use crate::output::files::write_beside;
-use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use crate::output::text::{aligned, plain, plain_table, thousands, wrapped};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use std::collections::{BTreeMap, BTreeSet};
@@ -271,11 +271,7 @@ impl Rows {
                 return *value != "[]";
             }
             let base = self.fields.pointer(&machines::pointer(field));
-            base.is_none_or(|base| {
-                base.as_str()
-                    .map_or_else(|| base.to_string(), str::to_owned)
-                    != *value
-            })
+            base.is_none_or(|base| plain(base) != *value)
         };
         text.split(' ')
             .filter_map(|change| change.split_once('='))

@@ -2,7 +2,7 @@
 
 use super::charts::ChartFigure;
 use super::table::Table;
-use crate::output::text::json_in_html;
+use crate::output::text::{json_in_html, plain};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -66,14 +66,9 @@ pub fn html(table: &Table, base: &str, figures: &[(&ChartFigure, String)]) -> St
         table.rows.len() > 1 && table.rows.iter().all(|row| row[at] == table.rows[0][at])
     };
     let (same, varied): (Vec<_>, Vec<_>) = all().partition(|(at, _)| is_same(*at));
-    let shown = |value: &Value| {
-        value
-            .as_str()
-            .map_or_else(|| value.to_string(), str::to_owned)
-    };
     let same = same.iter().filter(|(at, _)| !table.rows[0][*at].is_null());
     let same: Vec<String> = same
-        .map(|(at, (name, _))| format!("{name} = {}", shown(&table.rows[0][*at])))
+        .map(|(at, (name, _))| format!("{name} = {}", plain(&table.rows[0][*at])))
         .collect();
     let columns: Vec<&String> = varied.iter().map(|(_, (name, _))| name).collect();
     let rows: Vec<Vec<&Value>> = table

@@ -22,6 +22,7 @@ use crate::golden;
 use crate::golden::Rules;
 use crate::hardware::{fixed, machines};
 use crate::output::picture::Picture;
+use crate::output::text::plain;
 use crate::performance::clock;
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::CyclesReport;
@@ -35,7 +36,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::Sort;
 use rtl_model::pipeline::Elaborated;
-use rtl_model::timing::{Cycles, Detail, Frame};
+use rtl_model::timing::{Cycles, Detail, RecordedFrame};
 use rtl_model::work::Work;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
@@ -342,15 +343,10 @@ impl Stage {
                 ..Findings::default()
             });
             found.host_seconds = frame_seconds + seconds / group.len() as f64;
-            let text = |value: &Value| {
-                value
-                    .as_str()
-                    .map_or_else(|| value.to_string(), str::to_owned)
-            };
             let changes: Vec<String> = point
                 .changes
                 .iter()
-                .map(|(field, value)| format!("{field}={}", text(value)))
+                .map(|(field, value)| format!("{field}={}", plain(value)))
                 .collect();
             let own = fields.iter().map(|(field, kind)| {
                 let changed = point
@@ -360,7 +356,7 @@ impl Stage {
                     .map(|(_, value)| value);
                 match changed.or_else(|| base.pointer(&machines::pointer(field))) {
                     None => Value::Null,
-                    Some(value) if *kind == CellKind::Text => json!(text(value)),
+                    Some(value) if *kind == CellKind::Text => json!(plain(value)),
                     Some(number) => machines::whole(number.clone()),
                 }
             });
@@ -650,7 +646,7 @@ impl Replays {
             }
         }
         let new: Vec<&Microarchitecture> = new.into_iter().map(|nth| timings[nth]).collect();
-        let frame = Frame::new(work);
+        let frame = RecordedFrame::new(work);
         let units = frame.replay_all(&new, Detail::Accounts);
         let frames: Vec<_> = new.iter().copied().zip(&units).collect();
         let reports = CyclesReport::all(&frames, &frame);

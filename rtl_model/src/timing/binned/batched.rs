@@ -21,7 +21,7 @@ use crate::elaboration::unit;
 use crate::kernels::host::{Kernel, vectorised};
 use crate::machine::timing::Organisation;
 use crate::num::lanes::{LANES, Lanes};
-use crate::timing::frame::Frame;
+use crate::timing::frame::RecordedFrame;
 use crate::timing::{Cycles, replay_on};
 use crate::work::{Footprint, TILE_PX, Work};
 use rayon::prelude::*;
@@ -58,11 +58,15 @@ const FEWEST: usize = 4;
 
 /// Replays a frame on several machines. The cycles of each are those of a single replay.
 pub fn replay_all(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Cycles> {
-    replay_frame(timings, &Frame::new(work), detail)
+    replay_frame(timings, &RecordedFrame::new(work), detail)
 }
 
 /// [`replay_all`], with what the replays of a frame share.
-pub fn replay_frame(timings: &[&Microarchitecture], frame: &Frame, detail: Detail) -> Vec<Cycles> {
+pub fn replay_frame(
+    timings: &[&Microarchitecture],
+    frame: &RecordedFrame,
+    detail: Detail,
+) -> Vec<Cycles> {
     let batches: Vec<Vec<usize>> = batches(timings, frame.work, detail);
     let of_batch = |batch: &Vec<usize>| -> Vec<(usize, Cycles)> {
         let machines: Vec<&Microarchitecture> = batch.iter().map(|nth| timings[*nth]).collect();
@@ -107,7 +111,11 @@ fn batches(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<V
 }
 
 /// Replays a batch of at most eight machines.
-fn replay_batch(timings: &[&Microarchitecture], frame: &Frame, detail: Detail) -> Vec<Cycles> {
+fn replay_batch(
+    timings: &[&Microarchitecture],
+    frame: &RecordedFrame,
+    detail: Detail,
+) -> Vec<Cycles> {
     let (work, lists, held) = (frame.work, frame.lists(timings[0]), frame.held());
     let mut machines: Vec<BatchedMachine> = Vec::new();
     for t in timings {
