@@ -127,8 +127,29 @@ fn summary_is_labelled(told: &str, rows: &[BTreeMap<String, String>]) {
     );
 }
 
+/// A machine that cannot be built, at the beginning of points that share a frame, does not keep the
+/// others from being drawn.
+#[test]
+fn a_first_point_that_cannot_be_built_leaves_the_others_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = json!({"scenes": ["torus-knot.json"], "size": [24, 16], "machine": "tiny", "axes": [
+        {"field": "timing.clock_hz", "values": [1_000_000_000_000_u64, 50_000_000]}]});
+    let out = folder.path().join("out");
+    ok(&sweep(&written(folder.path(), &plan), &out, &[]));
+    let rows = rows(&out);
+    let misfits: Vec<&str> = rows.iter().map(|row| row["misfit"].as_str()).collect();
+    let [first, second] = misfits[..] else {
+        panic!("{misfits:?}");
+    };
+    assert!(
+        first.contains("timing.clock_hz") && second.is_empty(),
+        "{misfits:?}"
+    );
+    assert!(rows[1]["cycles"].parse::<u64>().unwrap() > 0, "{rows:?}");
+}
+
 /// Tests of tiles and kinds of sort do not change a picture, so their points share a frame. Each
-/// has the cycles of a run of its own, also behind a point whose machine cannot be built.
+/// has the cycles of a run of its own.
 #[test]
 fn points_that_differ_only_in_their_lists_share_a_frame() {
     let folder = tempfile::tempdir().unwrap();
