@@ -560,7 +560,9 @@ fn direct_words_that_cannot_hold_are_refused() {
     };
     let wide = errors(&|machine| machine.raster.square = None);
     assert!(
-        wide.contains("raster.square is I30F24, 54 bits on a port that carries 32"),
+        wide.contains(
+            "raster.square is left out, but exact squares of raster.offset I15F12 need 55 bits, and 48 can be held: give raster.square"
+        ),
         "{wide}"
     );
     let unsigned =
