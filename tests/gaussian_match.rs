@@ -288,7 +288,7 @@ fn project(gaussian: &Gaussian, view: &View) -> Option<Ellipse> {
 }
 
 /// Premultiplied, over the background, row 0 on top.
-fn draw(gaussians: &[Gaussian], view: &View) -> Vec<[f64; 4]> {
+fn draw(gaussians: &[Gaussian], view: &View, rules: &Rules) -> Vec<[f64; 4]> {
     let mut ellipses: Vec<Ellipse> = gaussians
         .iter()
         .filter_map(|gaussian| project(gaussian, view))
@@ -298,7 +298,8 @@ fn draw(gaussians: &[Gaussian], view: &View) -> Vec<[f64; 4]> {
         Pixel {
             light: DVec3::ZERO,
             passes: 1.0,
-            done: false
+            done: false,
+            weights: rules.sums_gaussians.then_some(0.0)
         };
         view.width * view.height
     ];
@@ -316,13 +317,13 @@ fn draw(gaussians: &[Gaussian], view: &View) -> Vec<[f64; 4]> {
     let [r, g, b, alpha] = view.background;
     let behind = DVec3::new(r, g, b) * alpha;
     let finished = |pixel: &Pixel| {
-        let rgb = pixel.light + behind * pixel.passes;
-        [
-            rgb.x,
-            rgb.y,
-            rgb.z,
-            1.0 - pixel.passes + alpha * pixel.passes,
-        ]
+        // Of a weighted sum, the background is one more term, with weight 1.
+        let passes = pixel
+            .weights
+            .map_or(pixel.passes, |weights| 1.0 / (1.0 + weights));
+        let light = pixel.light * pixel.weights.map_or(1.0, |_| passes);
+        let rgb = light + behind * passes;
+        [rgb.x, rgb.y, rgb.z, 1.0 - passes + alpha * passes]
     };
     pixels.iter().map(finished).collect()
 }
@@ -332,6 +333,8 @@ struct Pixel {
     light: DVec3,
     passes: f64,
     done: bool,
+    /// Sum of weights, where Gaussians are summed instead of blended.
+    weights: Option<f64>,
 }
 
 impl Pixel {
@@ -342,10 +345,16 @@ impl Pixel {
         if self.done || radial >= 2.0 * 255f64.ln() {
             return;
         }
-        let alpha = (ellipse.opacity * (-radial / 2.0).exp()).min(0.99);
+        let alpha = ellipse.opacity * (-radial / 2.0).exp();
         if alpha < 1.0 / 255.0 {
             return;
         }
+        if let Some(weights) = &mut self.weights {
+            *weights += alpha;
+            self.light += ellipse.rgb * alpha;
+            return;
+        }
+        let alpha = alpha.min(0.99);
         let after = self.passes * (1.0 - alpha);
         if after < 1e-4 {
             self.done = true;
@@ -359,18 +368,22 @@ impl Pixel {
 // ---- comparing ----
 
 /// `golden`'s picture of the same file.
-fn golden(file: &Path, view: &View) -> Vec<[f64; 4]> {
+fn golden(file: &Path, view: &View, rules: &Rules) -> Vec<[f64; 4]> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.json");
     fs::write(&path, view.scene(file).to_string()).unwrap();
     let scene = Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap();
-    render(&scene, &Rules::default()).picture.rgba
+    render(&scene, rules).picture.rgba
 }
 
 fn agree(what: &str, file: &Path, view: &View) {
+    agree_by(&Rules::default(), what, file, view);
+}
+
+fn agree_by(rules: &Rules, what: &str, file: &Path, view: &View) {
     let file = fs::canonicalize(file).unwrap();
-    let oracle = draw(&read_gaussians(&file), view);
-    let golden = golden(&file, view);
+    let oracle = draw(&read_gaussians(&file), view, rules);
+    let golden = golden(&file, view, rules);
     let seen = oracle.iter().filter(|&&pixel| pixel != oracle[0]).count();
     let apart = |(a, b): (&[f64; 4], &[f64; 4])| {
         a.iter()
@@ -564,6 +577,11 @@ fn needles_flakes_and_giants_are_drawn_as_gsplat_draws_them() {
             },
         );
         agree(&format!("outside, degree {degree}"), &file, &outside);
+        let summed = Rules {
+            sums_gaussians: true,
+            ..Rules::default()
+        };
+        agree_by(&summed, &format!("summed, degree {degree}"), &file, &among);
     }
 }
 

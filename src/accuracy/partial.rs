@@ -239,7 +239,7 @@ impl<'a> MixedDrawing<'a> {
             .into_par_iter()
             .filter_map(one)
             .collect();
-        if ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted) {
+        if (self.quantised.frame.ellipsoids.as_ref()).is_some_and(|ellipsoids| ellipsoids.sorted) {
             footprints.sort_by(|a, b| a.key.total_cmp(&b.key));
             // The farthest first; equal keys stay in the order of the scene.
             if (self.quantised.frame.sheets.as_ref()).is_some_and(|sheets| sheets.back_to_front) {

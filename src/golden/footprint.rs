@@ -373,7 +373,7 @@ pub(crate) fn set_up_with_cull(
         sheet: match scene.sheets.as_ref().map(|sheets| &sheets.of) {
             Some(Sheet::Slice(numbers)) => numbers[index],
             Some(Sheet::Splat) => index as u32,
-            None => 0,
+            Some(Sheet::Sum) | None => 0,
         },
         disc,
     };

@@ -431,6 +431,7 @@ mod tests {
             late: true,
             inside: true,
         },
+        sums_gaussians: false,
         reflection: None,
     };
 

@@ -60,6 +60,8 @@ pub struct Rules {
     pub group: Group,
     /// Options of [`Merge::Window`].
     pub window: WindowOptions,
+    /// The Gaussians of a pixel are summed, in any order.
+    pub sums_gaussians: bool,
     /// How surroundings are mirrored; none: exactly, as [`ideal`] always does.
     pub reflection: Option<Reflection>,
 }
@@ -77,6 +79,7 @@ impl Default for Rules {
             fragment_depth: FragmentDepth::First,
             group: Group::First,
             window: WindowOptions::default(),
+            sums_gaussians: false,
             reflection: None,
         }
     }
@@ -270,13 +273,13 @@ impl Outcomes {
 /// Renderer `golden`: the hardware's algorithm with the same rules and in the same order, in f64.
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
     let shader = Shader::of(scene, rules);
-    match &scene.sheets {
+    match scene.sheets_for(rules.sums_gaussians) {
         Some(sheets) => tiles::draw(
             scene,
             &shader,
             rules.turn_normals,
             sheets.least_weight,
-            || sheets::SheetPainter::new(sheets, shader.background()),
+            || sheets::SheetPainter::new(&sheets, shader.background()),
         ),
         None => surfaces(scene, &shader, rules),
     }

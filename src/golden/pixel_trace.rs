@@ -91,8 +91,8 @@ impl TracedLayer {
 /// sheets before it. Only the composite is left at the end.
 pub fn pixel_trace(scene: &Scene, rules: &Rules, x: usize, y: usize) -> PixelTrace {
     let shader = Shader::of(scene, rules);
-    if let Some(sheets) = &scene.sheets {
-        return of_sheets(scene, sheets, &shader, x as u32, y as u32);
+    if let Some(sheets) = scene.sheets_for(rules.sums_gaussians) {
+        return of_sheets(scene, &sheets, &shader, x as u32, y as u32);
     }
     let pixel = [x as u32, y as u32];
     match (rules.group, rules.merge) {

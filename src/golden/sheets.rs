@@ -62,7 +62,7 @@ impl SheetState {
             };
         }
         match &mut self.open {
-            Some(open) if open.sheet == new.sheet => {
+            Some(open) if scene_sheets.of == Sheet::Sum || open.sheet == new.sheet => {
                 open.add(new);
                 return SheetOutcome::Added;
             }

@@ -87,6 +87,7 @@ pub fn rules(machine: &Machine) -> golden::Rules {
                     inside: window.inside,
                 }
             }),
+        sums_gaussians: machine.sums_gaussians(),
         reflection: machine.reflect.as_ref().map(|reflect| golden::Reflection {
             index_bits: reflect.index_bits.clamp(1, 8),
             by_ray: reflect.sight == machine::Sight::Ray,

@@ -157,6 +157,7 @@ impl Part {
             of: match &whole.of {
                 Sheet::Slice(numbers) => Sheet::Slice(self.of_items(numbers, 1)),
                 Sheet::Splat => Sheet::Splat,
+                Sheet::Sum => Sheet::Sum,
             },
             ..*whole
         };
@@ -272,7 +273,7 @@ fn quantise_scaled(scene: &Scene, extents: Extents, machine: &Machine) -> Result
 /// Note on a sort key with too few tile bits for a picture of this size, in tiles of 16×16 pixels,
 /// the smallest.
 pub fn lacks_tile_bits(machine: &Machine, size: [usize; 2]) -> Option<String> {
-    let bits = machine.sort.and_then(|sort| sort.tile_bits)?;
+    let bits = machine.sorting().and_then(|sort| sort.tile_bits)?;
     let side_px = TILE_PX.min(machine.timing.tile.side_px as usize).max(1);
     let tiles: usize = size.map(|pixels| pixels.div_ceil(side_px)).iter().product();
     let needed = tiles.next_power_of_two().ilog2();
@@ -646,7 +647,7 @@ impl RegisterLoader<'_> {
                 ellipsoids.orientations.par_iter().map(own).collect()
             },
             preshaded: ellipsoids.preshaded,
-            sorted: ellipsoids.sorted,
+            sorted: ellipsoids.sorted && machine.sorting().is_some(),
             harmonics: harmonics.map_or(0, |harmonics| harmonics.degree),
             coefficients: harmonics.map_or_else(Vec::new, |own| self.coefficients(own)),
         })
@@ -726,7 +727,7 @@ impl RegisterLoader<'_> {
             );
             return None;
         }
-        let sheets = scene.sheets.as_ref()?;
+        let sheets = &*scene.sheets_for(machine.sums_gaussians())?;
         let Some(words) = &machine.fragment.sheets else {
             self.refuse(
                 "it groups only by depth, and these splats are grouped by sheets: `--machine volume` or `--machine gaussian` does".into(),
@@ -736,6 +737,8 @@ impl RegisterLoader<'_> {
         let (each, numbers) = match &sheets.of {
             Sheet::Slice(numbers) => (frame::Each::Slice, numbers.clone()),
             Sheet::Splat => (frame::Each::Splat, Vec::new()),
+            // All have number 0.
+            Sheet::Sum => (frame::Each::Slice, Vec::new()),
         };
         Some(frame::Sheets {
             each,

@@ -25,6 +25,7 @@ use rtl_model::units::fragment::window::WindowRegisters;
 use rtl_model::units::fragment::window::real::Tables;
 use rtl_model::units::shade::real::{Light, Lighting, Material};
 use rtl_model::units::shade::reflect::real::{Mirror, Surroundings};
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 /// Input words of the machine: the splat's record, and the registers of a frame.
@@ -140,7 +141,7 @@ pub struct Registers<'a> {
 /// Registers of sheets, and the function in their table.
 pub struct SheetWords<'a, R> {
     /// Exact.
-    pub sheets: &'a Sheets,
+    pub sheets: Cow<'a, Sheets>,
     /// The machine draws the deepest sheet first.
     pub back_to_front: bool,
     /// Words of the machine.
@@ -163,24 +164,32 @@ impl<'a, R> SheetWords<'a, R> {
         machine: &Elaborated,
         quantised: &'a Quantised,
     ) -> Option<Self> {
-        let (sheets, held) = (scene.sheets.as_ref()?, quantised.frame.sheets.as_ref()?);
+        let held = quantised.frame.sheets.as_ref()?;
+        let sheets = scene.sheets_for(machine.machine.sums_gaussians())?;
         let (weight, opacity) = (
             machine.machine.gauss.weight,
             machine.machine.fragment.opacity_sum,
         );
         Some(SheetWords {
-            sheets,
             back_to_front: held.back_to_front,
             registers: machine.fragment.sheets(held),
             ratio: match sheets.opacity {
                 // 1/x beyond 1, whose second derivative is 2/x³.
                 Opacity::Linear => Ratio {
                     exact: |depth| Opacity::Linear.over_depth(depth),
-                    curves: [1.0, 2.0],
+                    curves: |_| [1.0, 2.0],
                 },
                 Opacity::Exponential => Ratio {
                     exact: |depth| Opacity::Exponential.over_depth(depth),
-                    curves: [0.5, 1.0 / 3.0],
+                    curves: |_| [0.5, 1.0 / 3.0],
+                },
+                // 1/(1 + x), whose derivatives are −1/(1 + x)² and 2/(1 + x)³.
+                Opacity::Weighted => Ratio {
+                    exact: |depth| Opacity::Weighted.over_depth(depth),
+                    curves: |x| {
+                        let ratio = Opacity::Weighted.over_depth(x);
+                        [ratio * ratio, 2.0 * ratio * ratio * ratio]
+                    },
                 },
             },
             stop: hold.hold("fragment.opacity_sum", sheets.stop, opacity, held.stop),
@@ -191,6 +200,7 @@ impl<'a, R> SheetWords<'a, R> {
                 weight,
                 held.least_weight,
             ),
+            sheets,
         })
     }
 }

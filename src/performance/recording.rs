@@ -236,6 +236,11 @@ impl Recording {
             )));
         }
         let machine = machines::changed(&self.machine, setting, &flag)?;
+        if machine.sums_gaussians() != self.machine.sums_gaussians() {
+            return Err(Error::input(format!(
+                "{flag}: Gaussians are summed with sort.kind none and blended with the other kinds, which are different pictures: draw the frame again"
+            )));
+        }
         holds_keys(&machine, &self.work).map_err(|what| Error::input(format!("{flag}: {what}")))?;
         holds_words(&machine, &self.work)
             .map_err(|what| Error::input(format!("{flag}: {what}")))?;

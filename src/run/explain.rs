@@ -271,7 +271,10 @@ impl ObservedPixel {
             fixed: probe,
             golden: trace,
             mirrors,
-            sheet: scene.sheets.as_ref().map(|s| &s.of),
+            sheet: (scene.sheets.as_ref()).map(|sheets| match &sheets.of {
+                Sheet::Splat if machine.machine.sums_gaussians() => &Sheet::Sum,
+                of => of,
+            }),
         }
     }
 }
@@ -468,6 +471,8 @@ impl Explanation<'_> {
             (_, SheetDecision::Dropped) => "too late".into(),
             (Sheet::Splat, _) => "blend".into(),
             (Sheet::Slice(numbers), SheetDecision::Added) => format!("add to {}", numbers[splat]),
+            (Sheet::Sum, SheetDecision::Added) => "add".into(),
+            (Sheet::Sum, SheetDecision::Opened) => "open".into(),
             (Sheet::Slice(numbers), SheetDecision::Opened) => format!("open {}", numbers[splat]),
         })
     }

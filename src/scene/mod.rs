@@ -43,6 +43,7 @@ use glam::{DMat3, DQuat, DVec3};
 use json::{FrameChoice, LoadedFrame};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::ffi::OsStr;
 use std::path::Path;
 use std::sync::Arc;
@@ -226,6 +227,8 @@ pub enum Opacity {
     Linear,
     /// 1 − e^(−x).
     Exponential,
+    /// x/(1 + x): the share of a weighted sum beside a background of weight 1.
+    Weighted,
 }
 
 impl Opacity {
@@ -234,6 +237,7 @@ impl Opacity {
         match self {
             Opacity::Linear if depth <= 1.0 => 1.0,
             Opacity::Linear => 1.0 / depth,
+            Opacity::Weighted => 1.0 / (1.0 + depth),
             Opacity::Exponential if depth == 0.0 => 1.0,
             Opacity::Exponential => -libm::expm1(-depth) / depth,
         }
@@ -247,6 +251,8 @@ pub enum Sheet {
     Slice(Vec<u32>),
     /// Each splat is its own sheet: a Gaussian.
     Splat,
+    /// All splats together: Gaussians on a machine that sums them in any order. No scene has it.
+    Sum,
 }
 
 /// Grouping of splats by sheets instead of surfaces (EWA §7.1).
@@ -266,6 +272,19 @@ pub struct Sheets {
     pub least_weight: f64,
     /// Upper limit of weights if each splat is a sheet, in (0, 1].
     pub most_weight: f64,
+}
+
+impl Sheets {
+    /// Rules of a machine that sums Gaussians: no order, and no stop.
+    fn summed(&self) -> Self {
+        Sheets {
+            of: Sheet::Sum,
+            back_to_front: false,
+            opacity: Opacity::Weighted,
+            stop: 0.0,
+            ..*self
+        }
+    }
 }
 
 /// Rules by which fragments become surfaces.
@@ -530,6 +549,17 @@ impl Scene {
             return Some(text.to_owned());
         }
         formats::is_json(path).then(|| input::read_text(path).ok())?
+    }
+
+    /// Rules of sheets on a machine that sums Gaussians, or on one that does not. `None` where
+    /// fragments are grouped by depth.
+    pub fn sheets_for(&self, sums_gaussians: bool) -> Option<Cow<'_, Sheets>> {
+        let own = self.sheets.as_ref()?;
+        Some(if sums_gaussians && own.of == Sheet::Splat {
+            Cow::Owned(own.summed())
+        } else {
+            Cow::Borrowed(own)
+        })
     }
 
     /// The least weight that makes a fragment; 0 if all do.

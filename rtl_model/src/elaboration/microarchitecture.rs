@@ -662,7 +662,7 @@ impl Machine {
             })
             .collect();
         e.require(
-            self.sort.is_none() || t.organisation == Organisation::Binned,
+            self.sorting().is_none() || t.organisation == Organisation::Binned,
             || {
                 "timing.organisation is immediate, but a sort needs all splats first: use binned"
                     .into()
@@ -670,7 +670,7 @@ impl Machine {
         );
         let sorter = self.sorter_shape(e);
         let mask_bits = self.listed_mask_bits();
-        let sort = self.sort.map(|sort| {
+        let sort = self.sorting().map(|sort| {
             let [passes, digit_bits] = if sorter.is_some() {
                 [0; 2]
             } else {

@@ -15,7 +15,7 @@ use super::latency::Path;
 use super::microarchitecture::{ENTRY_BYTES, SORT_COUNT_BITS};
 use super::{Elaboration, Operator, unit};
 use crate::machine::timing::Sorter;
-use crate::machine::{Machine, SortKind};
+use crate::machine::{Machine, Sort, SortKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -126,9 +126,14 @@ impl Machine {
     /// The sorters of a machine that sorts lists one by one. Impossible ones are refused.
     pub fn sorter_shape(&self, e: &mut Elaboration) -> Option<SorterShape> {
         let t = &self.timing;
-        let Some(sort) = self.sort.filter(|sort| sort.kind != SortKind::Radix) else {
+        let is_radix = |sort: &Sort| sort.kind == SortKind::Radix;
+        let Some(sort) = self.sorting().filter(|sort| !is_radix(sort)) else {
             e.require(t.sort.is_none(), || {
-                let why = if self.sort.is_some() { "sort.kind is radix, which sorts in memory" } else { "the machine has no `sort`" };
+                let why = match self.sort {
+                    Some(sort) if is_radix(&sort) => "sort.kind is radix, which sorts in memory",
+                    Some(_) => "sort.kind is none",
+                    None => "the machine has no `sort`",
+                };
                 format!("timing.sort describes sorters of tiles' lists, but {why}: leave it out, or let sort.kind be tile or hierarchical")
             });
             return None;

@@ -510,8 +510,8 @@ pub struct Sheets {
     pub composite: Option<Word>,
 }
 
-/// How the splats of a tile come into the order of their depths. Each kind gives the same order,
-/// and so the same picture.
+/// How the splats of a tile come into the order of their depths. Each kind except `none` gives the
+/// same order, and so the same picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SortKind {
@@ -524,6 +524,11 @@ pub enum SortKind {
     /// As `tile`, but a list that is longer than the buffer is first distributed to buckets in
     /// memory, by the upper bits of the key; then each bucket is sorted.
     Hierarchical,
+    /// Not at all: the Gaussians of a pixel are summed, which needs no order. With w = Σw_i and the
+    /// colours c_i, a pixel is (Σw_i·c_i + background)/(w + 1) (sort-free weighted sums,
+    /// arXiv 2410.18931, with equal weights for all depths). The table of `fragment.sheets` holds
+    /// 1/(w + 1). `key` and `digit_bits` are not used.
+    None,
 }
 
 impl SortKind {
@@ -670,6 +675,16 @@ impl Fragment {
 }
 
 impl Machine {
+    /// The sort, unless its kind is `none`.
+    pub fn sorting(&self) -> Option<Sort> {
+        self.sort.filter(|sort| sort.kind != SortKind::None)
+    }
+
+    /// Whether the Gaussians of a pixel are summed, in any order.
+    pub fn sums_gaussians(&self) -> bool {
+        self.sort.is_some_and(|sort| sort.kind == SortKind::None)
+    }
+
     /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded
     /// flag. With windows, a slot is as large as the larger of an open one, which also has both
     /// ends of its span and Σw·z, and a closed one, which has colour and opacity, four depths, two

@@ -18,6 +18,7 @@ impl Machine {
             "volume" => Some(volume()),
             "gaussian" => Some(gaussian()),
             "fp16" => Some(fp16()),
+            "weighted" => Some(weighted()),
             "gscore" => Some(published::gscore()),
             "flicker" => Some(published::flicker()),
             "nycu" => Some(published::nycu()),
@@ -31,7 +32,7 @@ impl Machine {
     /// Names of the machines for surfaces that group fragments by windows.
     pub const WINDOW_NAMES: [&str; 1] = ["window"];
     /// Names of the machines for volumes and for Gaussians.
-    pub const ELLIPSOID_NAMES: [&str; 3] = ["volume", "gaussian", "fp16"];
+    pub const ELLIPSOID_NAMES: [&str; 4] = ["volume", "gaussian", "fp16", "weighted"];
 
     /// All names.
     pub fn names() -> impl Iterator<Item = &'static str> + Clone {
@@ -637,6 +638,35 @@ const fn half(word: Word) -> Word {
         significant_bits: 11,
         ..format
     })
+}
+
+/// `gaussian` without a sort: the Gaussians of a pixel are summed, in words for sums up to 512.
+fn weighted() -> Machine {
+    let base = gaussian();
+    let sheets = base.fragment.sheets.map(|sheets| Sheets {
+        depth_index: unsigned(9, 14),
+        table: TableShape {
+            index_bits: 12,
+            ..sheets.table
+        },
+        ..sheets
+    });
+    Machine {
+        name: "weighted".into(),
+        sort: base.sort.map(|sort| Sort {
+            kind: SortKind::None,
+            ..sort
+        }),
+        fragment: Fragment {
+            weight_sum: unsigned(9, 14),
+            colour_sum: unsigned(9, 14),
+            opacity_sum: unsigned(9, 14),
+            normal_sum: signed(10, 14),
+            sheets,
+            ..base.fragment
+        },
+        ..base
+    }
 }
 
 /// `gaussian` in half precision. Pixels, depths of fragments, keys, boxes, the registers of the

@@ -215,7 +215,15 @@ impl Machine {
     }
 
     fn elaborate_sort(&self, e: &mut Elaboration) -> Option<Fit> {
-        let sort = self.sort.as_ref()?;
+        if self.sums_gaussians() {
+            e.require(self.fragment.sheets.is_some(), || {
+                "sort.kind is none, which sums Gaussians, but fragment.sheets is left out, which has the words of sums: `--machine weighted` has them".into()
+            });
+            e.require(self.sort.is_none_or(|sort| sort.tile_bits.is_none()), || {
+                "sort.tile_bits is a part of the key of radix, but sort.kind is none: leave it out".into()
+            });
+        }
+        let sort = &self.sorting()?;
         e.port(unit::SORT, "key", sort.key);
         e.signedness(unit::SORT, "key", sort.key, false);
         e.fixed_point(unit::SORT, "key", sort.key);

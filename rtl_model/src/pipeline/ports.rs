@@ -468,7 +468,7 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
             premultiplied(Stream::new("ellipse.answer"), m),
         ]);
     }
-    if let (true, Some(sort)) = (kind.sorted, &m.sort) {
+    if let (true, Some(sort)) = (kind.sorted, m.sorting()) {
         let splat = |name| Stream::new(name).naturals(&["tag"], TAG_BITS);
         streams.extend([
             splat("sort.in").word("depth", "project.depth", m.project.depth),

@@ -290,7 +290,13 @@ impl Real for MixedPrecision<'_> {
         self.and(other, self.value.abs().copysign(other.value))
     }
 
-    fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, _error: f64) -> Self {
+    fn table(
+        self,
+        table: &Table,
+        range: f64,
+        exact: impl Fn(f64) -> f64,
+        _error: impl Fn(f64) -> f64,
+    ) -> Self {
         self.with(if self.is_on(table.fit()) {
             table.at(self.value / range)
         } else {
@@ -299,7 +305,7 @@ impl Real for MixedPrecision<'_> {
     }
 
     fn falloff(self, table: &Table, range: f64, error: f64) -> Self {
-        self.table(table, range, super::falloff, error)
+        self.table(table, range, super::falloff, |_| error)
     }
 
     fn power(self, table: &Power) -> Self {

@@ -167,9 +167,15 @@ pub trait Real:
     fn root(self, unit: &ReciprocalRoot) -> Self;
     /// The magnitude with the sign of another number, on each side.
     fn with_sign_of(self, other: Self) -> Self;
-    /// A monotone function over [0, `range`), which the machine reads from a table with an error up
-    /// to `error` before the fit.
-    fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Self;
+    /// A monotone function over [0, `range`), which the machine reads from a table. `error` is the
+    /// greatest error of the table from an argument on, before the fit.
+    fn table(
+        self,
+        table: &Table,
+        range: f64,
+        exact: impl Fn(f64) -> f64,
+        error: impl Fn(f64) -> f64,
+    ) -> Self;
     /// e^(−x/2), or 1 below 0, which the machine reads from a table over [0, `range`) with an error
     /// up to `error` before the fit.
     fn falloff(self, table: &Table, range: f64, error: f64) -> Self;
@@ -602,8 +608,14 @@ impl Real for Near {
         }
     }
 
-    fn table(self, _table: &Table, _range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Near {
-        self.function(exact, error)
+    fn table(
+        self,
+        _table: &Table,
+        _range: f64,
+        exact: impl Fn(f64) -> f64,
+        error: impl Fn(f64) -> f64,
+    ) -> Near {
+        self.function(exact, error(self.low()))
     }
 
     #[inline]

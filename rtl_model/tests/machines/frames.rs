@@ -166,7 +166,7 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         },
         own,
         preshaded: w.rng.below(2) == 0,
-        sorted: machine.sort.is_some(),
+        sorted: machine.sorting().is_some(),
         harmonics,
         coefficients: Vec::new(),
     });

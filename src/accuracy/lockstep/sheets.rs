@@ -25,13 +25,10 @@ pub struct SheetRules<'a> {
 impl<'a> SheetRules<'a> {
     /// None if fragments are grouped by depth.
     pub fn new(scene: &'a Scene, machine: &Elaborated, quantised: &'a Quantised) -> Option<Self> {
-        let sorted = scene
-            .ellipsoids
-            .as_ref()
-            .is_some_and(|ellipsoids| ellipsoids.sorted);
+        let frame = quantised.frame.ellipsoids.as_ref();
         Some(SheetRules {
             words: SheetWords::new(&Bounded, scene, machine, quantised)?,
-            sorted,
+            sorted: frame.is_some_and(|ellipsoids| ellipsoids.sorted),
         })
     }
 
@@ -159,7 +156,7 @@ impl SheetPixel {
         common: &Common,
         sheet: &OpenSheet,
     ) -> (DVec4, [Near; 4]) {
-        let exact = closed(rules.words.sheets, sheet.weight, sheet.rgb);
+        let exact = closed(&rules.words.sheets, sheet.weight, sheet.rgb);
         let [weight, r, g, b] = sheet.sums;
         let near = common.machine.real_close(
             weight,

@@ -96,8 +96,11 @@ impl<'a> Painter for SheetPixels<'a> {
                 let sums = self.added(SheetSums::default(), &arrival, weight);
                 self.close(&mut pixel, sums);
             }
-            Sheet::Slice(numbers) => {
-                let sheet = numbers[arrival.footprint.splat as usize];
+            of => {
+                let sheet = match of {
+                    Sheet::Slice(numbers) => numbers[arrival.footprint.splat as usize],
+                    Sheet::Splat | Sheet::Sum => 0,
+                };
                 let before = match pixel.open.take() {
                     Some((open, sums)) if open == sheet => sums,
                     Some((_, sums)) => {

@@ -34,7 +34,7 @@ use crate::scene::{Camera, Scene};
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::machine::Sort;
+use rtl_model::machine::{Sort, SortKind};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{Cycles, Detail, RecordedFrame};
 use rtl_model::work::Work;
@@ -107,6 +107,8 @@ impl Point {
     fn formats(&self, points: &Points) -> String {
         let base = &points.base;
         let same_kind = |sort: Sort| match base.sort {
+            // Sums are another picture.
+            _ if base.sums_gaussians() || sort.kind == SortKind::None => sort,
             Some(of_base) => Sort {
                 kind: of_base.kind,
                 digit_bits: of_base.digit_bits,

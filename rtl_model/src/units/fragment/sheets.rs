@@ -134,7 +134,7 @@ impl SheetDatapath {
                 )
             },
         );
-        e.require(machine.sort.is_some(), || {
+        e.require(machine.sorting().is_some(), || {
             "fragment.sheets.composite needs a sort: Gaussians are drawn the farthest first".into()
         });
         let plain = [m.weight_sum, m.colour_sum]

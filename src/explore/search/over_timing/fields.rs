@@ -118,6 +118,8 @@ pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
             "sort",
         ],
     };
+    // Another kind of sort would change the picture of sums.
+    let is_summed = machine.sums_gaussians();
     let kind = machine.sort.map_or(SortKind::Radix, |sort| sort.kind);
     // The fields of a unit for colours, or of a sorter, may be absent even if the machine has the
     // unit.
@@ -128,7 +130,8 @@ pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
         _ => machines::pointer(unit),
     };
     let has = |unit: &str| {
-        !unused.contains(&unit) && value.pointer(&place(unit)).is_some_and(Value::is_object)
+        !(unused.contains(&unit) || is_summed && unit.ends_with("sort"))
+            && value.pointer(&place(unit)).is_some_and(Value::is_object)
     };
     let is_used = |field: &str| {
         !unused.contains(&field)
@@ -243,6 +246,11 @@ fn check(fields: &[SearchedField]) -> std::result::Result<(), String> {
         if values.is_empty() {
             return Err(format!("{field} has no values"));
         }
+        if field == "sort.kind" && values.contains(&json!(SortKind::None)) {
+            return Err(
+                "sort.kind none changes the picture: --machine weighted begins with it".into(),
+            );
+        }
     }
     Ok(())
 }
@@ -266,6 +274,11 @@ pub(super) fn knobs(machine: &Machine, fields: &[SearchedField]) -> Result<Vec<K
             .pointer(&machines::pointer(field))
             .cloned()
             .unwrap_or(Value::Null);
+        if field == "sort.kind" && own == json!(SortKind::None) {
+            return Err(Error::input(format!(
+                "--fields: {field} is none, which sums Gaussians, and each other kind draws another picture: leave it out"
+            )));
+        }
         let mut knob = Knob {
             field: field.clone(),
             values: vec![own],

@@ -15,8 +15,9 @@ use crate::real::{Real, Scale, power_of_two};
 pub struct Ratio {
     /// ρ, monotone.
     pub exact: fn(f64) -> f64,
-    /// Greatest |ρ'|, and greatest |ρ''| except at kinks at the ends of table steps.
-    pub curves: [f64; 2],
+    /// Greatest |ρ'| from an argument on, and greatest |ρ''| except at kinks at the ends of table
+    /// steps.
+    pub curves: fn(f64) -> [f64; 2],
 }
 
 impl Fragment {
@@ -41,14 +42,12 @@ impl Fragment {
         let one = R::constant(1.0);
         let scaled = |table: &Table| {
             let range = self.ratio_range();
-            let [slope, curvature] = ratio.curves;
-            let table_error = error(
-                table.fit(),
-                table.interpolation(),
-                table.step() * range,
-                slope,
-                curvature,
-            );
+            let step = table.step() * range;
+            // From the beginning of the step that the argument is in.
+            let table_error = |argument: f64| {
+                let [slope, curvature] = (ratio.curves)((argument - step).max(0.0));
+                error(table.fit(), table.interpolation(), step, slope, curvature)
+            };
             weight
                 .fit(&own.index, Scale::ONE)
                 .table(table, range, ratio.exact, table_error)

@@ -238,7 +238,7 @@ impl Fragment {
         let error = tables.density_error(opacity / range);
         let density = single
             .opacity
-            .table(&registers.density, range, tables.density, error)
+            .table(&registers.density, range, tables.density, |_| error)
             .fit(&own.density, Scale::ONE);
         let x = (single.weight * density).fit(&own.index, Scale::ONE);
         let range = power_of_two(own.index.word.format.int_bits);
@@ -252,7 +252,7 @@ impl Fragment {
             1.0,
         );
         let hidden = x
-            .table(hidden, range, |x| -(-x).exp_m1(), error)
+            .table(hidden, range, |x| -(-x).exp_m1(), |_| error)
             .fit(&own.hidden, Scale::ONE);
         let opacity = hidden
             .refit(own.hidden.word.format.frac_bits, &own.splat[0])
