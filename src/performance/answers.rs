@@ -18,6 +18,7 @@ use crate::performance::cycles::frames_per_second;
 use crate::performance::given;
 use rayon::prelude::*;
 use rtl_model::Machine;
+use rtl_model::elaboration::masks::MOST_TILES_PER_CYCLE;
 use rtl_model::elaboration::sorter::SorterShape;
 use rtl_model::machine::timing::{Colour, Organisation, Queue, Sorter, Timing};
 use rtl_model::machine::{BinTest, MaskMaker, SortKind};
@@ -371,6 +372,12 @@ fn candidates_of_lists(machine: &Machine, work: &Work) -> Vec<Candidate> {
         all.extend(others.map(|to| candidate(field, from.clone(), to.clone())));
     };
     let bin = machine.bin.unwrap_or_default();
+    let tiles = bin.tiles_per_cycle.unwrap_or(1);
+    choices(
+        "bin.tiles_per_cycle",
+        json!(tiles),
+        &[json!(tiles.saturating_mul(2).min(MOST_TILES_PER_CYCLE))],
+    );
     if !work.tested.is_empty() {
         let tests = [BinTest::Box, BinTest::OrientedBox, BinTest::Ellipse];
         choices("bin.test", json!(bin.test), &tests.map(|test| json!(test)));

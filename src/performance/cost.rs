@@ -560,7 +560,7 @@ impl Energy {
             .filter(|unit| unit.name == unit::SORT && sorters > 0)
             .map(|unit| unit.account.busy as f64)
             .sum();
-        // A test of tiles works in every cycle of its unit: on a splat, or on a tile.
+        // A test of tiles works in every cycle of its unit: on a splat, or on tiles.
         let tested: f64 = cycles
             .units
             .iter()
@@ -570,7 +570,9 @@ impl Energy {
         let masks = cycles.tile_tests.and_then(|tests| tests.masks);
         let items = |name: &str| match name {
             unit::SORT if sorters > 0 => sorted,
-            unit::BIN if machine.timing.bin.is_some() => tested,
+            unit::BIN if machine.timing.bin.is_some() || machine.timing.tiles_per_cycle > 1 => {
+                tested
+            }
             // The parts of list are those of its masks, in all engines.
             unit::LIST => masks.map_or(0, |masks| masks.list_cycles) as f64,
             // Each shaded fragment may be reflected.

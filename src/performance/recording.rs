@@ -45,11 +45,12 @@ const MAGIC_WITH_WORDS: &[u8] = b"splatsim-work-7\n";
 
 /// Fields outside of `timing` that change no picture: how the order is computed, not which it is;
 /// and which tiles and subtiles are tested for having no pixel.
-const OF_ORDER: [&str; 7] = [
+const OF_ORDER: [&str; 8] = [
     "sort.kind",
     "sort.tile_bits",
     "sort.digit_bits",
     "bin.test",
+    "bin.tiles_per_cycle",
     "bin.subtile_px",
     "bin.masks",
     "bin.mask_tests",

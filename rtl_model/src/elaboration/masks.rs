@@ -16,6 +16,8 @@ use serde::Serialize;
 
 /// Greatest number of bits of a mask.
 const MOST_BITS: u32 = 64;
+/// Greatest number of tiles that `bin` lists per cycle.
+pub const MOST_TILES_PER_CYCLE: u32 = 16;
 /// Sides of subtiles, pixels.
 const SIDES_PX: [u32; 3] = [4, 8, 16];
 
@@ -75,6 +77,13 @@ impl Machine {
     /// Bits of a mask in the entries of lists in memory; 0 without masks.
     pub fn listed_mask_bits(&self) -> u32 {
         Masks::of(self).map_or(0, |masks| masks.listed_bits())
+    }
+
+    /// Tiles of a splat's box that `bin` lists per cycle. Values out of range are limited here and
+    /// refused by elaboration.
+    pub fn tiles_per_cycle(&self) -> u32 {
+        let tiles = self.bin.and_then(|bin| bin.tiles_per_cycle);
+        tiles.unwrap_or(1).clamp(1, MOST_TILES_PER_CYCLE)
     }
 
     /// Refuses masks that cannot be.

@@ -211,6 +211,9 @@ pub struct Microarchitecture {
     /// The test of tiles, if the machine has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bin: Option<BinShape>,
+    /// Tiles of a splat's box that `bin` lists per cycle.
+    #[serde(skip_serializing_if = "is_one")]
+    pub tiles_per_cycle: u32,
     /// The sort by depth, if splats are sorted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sort: Option<SortShape>,
@@ -315,6 +318,14 @@ pub struct Pipeline {
     pub units: u32,
 }
 
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the signature that serde requires"
+)]
+fn is_one(count: &u32) -> bool {
+    *count == 1
+}
+
 /// A machine without a test of tiles.
 const NO_TEST: Pipeline = Pipeline {
     unit: unit::BIN,
@@ -350,7 +361,7 @@ pub struct Storage {
 /// Width of the sort's counts: they index as many entries as 4 bytes can.
 pub const SORT_COUNT_BITS: u64 = 32;
 
-/// A test of tiles. It tests one tile per cycle, or the subtiles of a tile if masks are made in
+/// A test of tiles. It tests one group of tiles per cycle, or the subtiles of a tile if masks are made in
 /// `bin`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct BinShape {
@@ -796,7 +807,12 @@ impl Machine {
                     interval: 1,
                     fifo: 0,
                 };
-                Pipeline::new(unit::BIN, &pace, 1, bits.map(i64::from))
+                Pipeline::new(
+                    unit::BIN,
+                    &pace,
+                    self.tiles_per_cycle(),
+                    bits.map(i64::from),
+                )
             }),
             in_list.map_or(NO_TEST, |(latency, bits)| {
                 let pace = Pace {
@@ -857,6 +873,7 @@ impl Machine {
             fragment,
             hazard,
             merges_in_flight,
+            tiles_per_cycle: self.tiles_per_cycle(),
             engines,
             shade,
             resolve,

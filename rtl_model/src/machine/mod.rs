@@ -278,6 +278,10 @@ pub enum BinTest {
 pub struct Bin {
     /// Test of a tile; left out, `box`.
     pub test: BinTest,
+    /// Tiles of a splat's box that are listed per cycle, and tested, if there is a test, 1 to 16;
+    /// left out, 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tiles_per_cycle: Option<u32>,
     /// Side of a subtile: 4, 8 or 16 pixels. Each entry of a list then has a mask with one bit per
     /// subtile of the tile, by rows. A bit is the result of the test for the subtile. The rasteriser
     /// skips subtiles whose bit is not set. Left out, entries have no mask.

@@ -96,6 +96,8 @@ pub(super) fn gscore() -> Machine {
             subtile_px: Some(8),
             masks: Some(MaskMaker::Bin),
             mask_tests: Some(4),
+            // One for each setup unit.
+            tiles_per_cycle: Some(4),
         }),
         timing: Timing {
             clock_hz: 1_000_000_000,
@@ -127,6 +129,7 @@ pub(super) fn flicker() -> Machine {
             subtile_px: Some(4),
             masks: Some(MaskMaker::List),
             mask_tests: Some(2),
+            tiles_per_cycle: Some(4),
         }),
         timing: Timing {
             sort: gscore.sort.map(|sorter| Sorter {

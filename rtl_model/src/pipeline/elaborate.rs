@@ -5,7 +5,7 @@
 
 use super::discs::Discs;
 use crate::elaboration::latency::Path;
-use crate::elaboration::masks::Masks;
+use crate::elaboration::masks::{MOST_TILES_PER_CYCLE, Masks};
 use crate::elaboration::microarchitecture::{
     BinShape, BinWords, Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS,
 };
@@ -19,6 +19,9 @@ use crate::records::unit;
 use crate::units::fragment::FragmentRegisters;
 use crate::units::fragment::window::WindowRegisters;
 use crate::units::{colour, ellipse, fragment, gauss, project, raster, resolve, shade};
+
+/// Bits of a column or row of tiles: a picture has up to 2^14 pixels, and tiles have 4 or more.
+const TILE_BITS: i32 = 12;
 
 /// A machine that has been checked and can draw.
 #[derive(Clone, Debug)]
@@ -193,12 +196,14 @@ impl Machine {
     /// The test of tiles, if the machine has one.
     fn elaborate_bin(&self, e: &mut Elaboration) -> Option<BinShape> {
         self.check_masks(e);
+        self.elaborate_listing(e);
         let words = BinWords::of(self)?;
         e.require(self.timing.organisation == Organisation::Binned, || {
             "timing.organisation is immediate, but bin.test tests tiles, and only a binned machine has lists of tiles: leave `bin` out, or use binned".into()
         });
         let masks = Masks::of(self);
-        words.declare(masks, self.timing.engines.unwrap_or(1).clamp(1, 64), e);
+        let engines = self.timing.engines.unwrap_or(1).clamp(1, 64);
+        words.declare(masks, [self.tiles_per_cycle(), engines], e);
         let cycles = |path: Path| path.cycles_at(&self.timing).max(1);
         let shape = BinShape {
             test: words.test,
@@ -212,6 +217,30 @@ impl Machine {
             latency: cycles(shape.path()),
             ..shape
         })
+    }
+
+    /// Parts for each tile after the first that is listed in a cycle: its column and row, its entry
+    /// on the way to memory, and the place in its list.
+    fn elaborate_listing(&self, e: &mut Elaboration) {
+        let Some(given) = self.bin.and_then(|bin| bin.tiles_per_cycle) else {
+            return;
+        };
+        e.within(unit::BIN, "tiles_per_cycle", given, 1, MOST_TILES_PER_CYCLE);
+        e.require(self.timing.organisation == Organisation::Binned, || {
+            "timing.organisation is immediate, but bin.tiles_per_cycle lists tiles: leave `bin` out, or use binned".into()
+        });
+        let tiles = self.tiles_per_cycle();
+        let entry_bits = SORT_COUNT_BITS as i32
+            + self.sort.map_or(0, |sort| sort.key_bits() as i32)
+            + self.listed_mask_bits() as i32;
+        e.copies(tiles - 1, |e| {
+            e.copies(2, |e| e.part(unit::BIN, Operator::Register(TILE_BITS)));
+            e.adders(unit::BIN, 2, TILE_BITS);
+            e.part(unit::BIN, Operator::Register(entry_bits));
+            e.adders(unit::BIN, 1, SORT_COUNT_BITS as i32);
+        });
+        // Each of them can have the next write.
+        e.choice(unit::BIN, tiles, entry_bits);
     }
 
     fn elaborate_sort(&self, e: &mut Elaboration) -> Option<Fit> {

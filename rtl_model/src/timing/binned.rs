@@ -759,6 +759,43 @@ impl<'a> SecondPass<'a> {
     }
 }
 
+/// Cycles of the tiles of a box, which `bin` takes in groups: a group ends with its last test, and
+/// entries leave in the order of tiles.
+struct Groups {
+    size: u32,
+    tiles: u32,
+    /// Cycles of the groups before, and of this one so far.
+    before: u64,
+    own: u64,
+}
+
+impl Groups {
+    fn new(t: &Microarchitecture) -> Self {
+        Groups {
+            size: t.tiles_per_cycle,
+            tiles: 0,
+            before: 0,
+            own: 0,
+        }
+    }
+
+    /// The cycle in which the next tile has been tested, by the cycles of its test.
+    #[inline(always)]
+    fn next(&mut self, cycles: u64) -> u64 {
+        if self.tiles == self.size {
+            (self.before, self.own, self.tiles) = (self.before + self.own, 0, 0);
+        }
+        self.tiles += 1;
+        self.own = self.own.max(cycles);
+        self.cycles()
+    }
+
+    /// The cycle in which all tiles so far have been tested.
+    fn cycles(&self) -> u64 {
+        self.before + self.own
+    }
+}
+
 /// Sets up all splats and writes the lists; returns the cycle in which they are written.
 fn first_pass<'a>(
     t: &'a Microarchitecture,
@@ -823,11 +860,13 @@ fn first_pass<'a>(
             }
         }
         let Some(here) = ahead.pop_front() else { break };
-        let mut tiles = 0;
+        let mut groups = Groups::new(t);
         lists.each(nth, footprint, side, |tile, _| {
-            tiles += lists.test_cycles(footprint, tile);
+            groups.next(lists.test_cycles(footprint, tile));
         });
-        // A record, then one tile per cycle: its test, its entry. Writes are queued.
+        let tiles = groups.cycles();
+        // A record, then one group of tiles per cycle: their tests, their entries. Writes are
+        // queued.
         let now = bin.take(
             Ready {
                 here,
@@ -846,9 +885,9 @@ fn first_pass<'a>(
         let full = (nth as u64 + 1) * u64::from(t.prepared_bytes) / burst;
         (record_bursts..full).for_each(|full| write(now + tested, RECORDS + full * burst));
         record_bursts = full;
-        let mut when = now + tested;
+        let mut groups = Groups::new(t);
         lists.each(nth, footprint, side, |tile, is_listed| {
-            when += each * lists.test_cycles(footprint, tile);
+            let when = now + tested + each * groups.next(lists.test_cycles(footprint, tile));
             if !is_listed {
                 return;
             }
@@ -861,7 +900,7 @@ fn first_pass<'a>(
                 write(when, list(tile) + end - behind - burst);
             }
         });
-        end = end.max(when + 1);
+        end = end.max(now + tested + each * groups.cycles() + 1);
     }
     for (cull_reason, index) in cull_reasons {
         setup.splat(index, *cull_reason, memory);

@@ -111,8 +111,8 @@ impl BinWords {
     }
 
     /// Refuses words that the test cannot use, and declares the parts of the tests of tiles, and of
-    /// those of subtiles.
-    pub fn declare(&self, masks: Option<Masks>, engines: u32, e: &mut Elaboration) {
+    /// those of subtiles: for a number of tiles per cycle, and for a number of engines.
+    pub fn declare(&self, masks: Option<Masks>, [tiles, engines]: [u32; 2], e: &mut Elaboration) {
         for (name, word) in [
             ("raster.offset", self.offset),
             ("raster.gradient", self.gradient),
@@ -145,7 +145,7 @@ impl BinWords {
             return;
         }
         let in_bin = masks.filter(|masks| masks.made == MaskMaker::Bin);
-        self.declare_tests((UNIT, 1), in_bin, e);
+        self.declare_tests((UNIT, tiles), in_bin, e);
         if let Some(in_list) = masks.filter(|masks| masks.made == MaskMaker::List) {
             self.declare_tests((unit::LIST, engines), Some(in_list), e);
         }

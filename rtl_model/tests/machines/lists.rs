@@ -189,6 +189,7 @@ fn masks_change_no_picture_and_lose_no_pixel() {
                 subtile_px: Some(subtile_px),
                 masks,
                 mask_tests,
+                ..Bin::default()
             });
             masked.elaborate().unwrap()
         };
@@ -280,7 +281,7 @@ fn entries_hold_their_masks() {
             test: BinTest::Ellipse,
             subtile_px,
             masks,
-            mask_tests: None,
+            ..Bin::default()
         });
         let timing = machine.elaborate().unwrap().timing;
         [timing.entry_bytes(), timing.sort.unwrap().entry_bytes]
@@ -352,7 +353,7 @@ fn masks_that_cannot_be_are_refused() {
         test: BinTest::Ellipse,
         subtile_px: Some(8),
         masks: None,
-        mask_tests: None,
+        ..Bin::default()
     };
     let built = |change: Change| {
         let (mut machine, mut bin) = (Machine::named("gaussian").unwrap(), bin);

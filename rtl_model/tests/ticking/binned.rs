@@ -499,13 +499,19 @@ impl<'a> BinnedMachine<'a> {
         self.record_bytes += u64::from(self.timing.prepared_bytes);
         (before + 1..=self.record_bytes / burst)
             .for_each(|full| self.write(self.now + behind, RECORDS, full * burst));
-        let mut when = self.now;
-        for tile in self.touched[splat].clone() {
+        // Some tiles are tested at a time; the next ones wait for the slowest of them. Entries leave in
+        // order.
+        let (mut when, mut group_from) = (self.now, self.now);
+        for (place, tile) in self.touched[splat].clone().into_iter().enumerate() {
+            if place.is_multiple_of(self.timing.tiles_per_cycle as usize) {
+                group_from = when;
+            }
             let side = self.timing.timing.tile.side_px as usize;
             let across = (self.scene.width as usize).div_ceil(side);
             let corner = [tile % across * side, tile / across * side];
             let of_splat = &self.scene.splats[splat];
-            when += mask_cycles(self.timing, MaskMaker::Bin, of_splat, corner).unwrap_or(1);
+            let cycles = mask_cycles(self.timing, MaskMaker::Bin, of_splat, corner).unwrap_or(1);
+            when = when.max(group_from + cycles);
             if self.scene.unlisted.contains(&(splat, tile)) {
                 continue;
             }

@@ -89,6 +89,10 @@ pub fn sorting_lists(rng: &mut Rng, timing: Timing) -> Machine {
         overlap: rng.below(2) == 0,
     });
     machine.timing.memory.burst_bytes = machine.timing.memory.burst_bytes.max(8);
+    machine.bin = Some(Bin {
+        tiles_per_cycle: (rng.below(2) > 0).then(|| 1 + rng.below(6) as u32),
+        ..Bin::default()
+    });
     machine
 }
 
@@ -121,6 +125,7 @@ pub fn with_masks(rng: &mut Rng, machine: Machine) -> Machine {
     bin.subtile_px = Some(subtile_px);
     bin.masks = [None, Some(MaskMaker::Bin), Some(MaskMaker::List)][rng.below(3) as usize];
     bin.mask_tests = (rng.below(3) > 0).then(|| 1 + rng.below(10) as u32);
+    bin.tiles_per_cycle = (rng.below(2) > 0).then(|| 1 + rng.below(6) as u32);
     machine
 }
 

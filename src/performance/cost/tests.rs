@@ -539,6 +539,25 @@ fn an_older_file_of_unit_costs_without_gates_is_valid() {
     );
 }
 
+/// Tiles that are listed side by side have parts of their own, and tests, if there are tests.
+#[test]
+fn tiles_listed_per_cycle_are_never_free() {
+    let of = |more: &[&str]| Cost::new(&built_with(more), &DEFAULT);
+    let multipliers = |cost: &Cost| {
+        let unit = cost.units.iter().find(|unit| unit.name == "bin");
+        unit.map_or(0, |unit| unit.bits.multiplier)
+    };
+    for test in ["box", "ellipse"] {
+        let test = format!("bin.test={test}");
+        let [one, explicit, two, four] = ["null", "1", "2", "4"]
+            .map(|tiles| of(&[&test, &format!("bin.tiles_per_cycle={tiles}")]));
+        assert_eq!(one.area, explicit.area, "{test}");
+        assert!(two.area > one.area && four.area > two.area, "{test}");
+        let tests = [&one, &two, &four].map(multipliers);
+        assert_eq!([tests[1], tests[2]], [2, 4].map(|n| n * tests[0]), "{test}");
+    }
+}
+
 /// Masks take area in the unit that makes them, in raster and in FIFOs, and energy where they are
 /// made.
 #[test]

@@ -148,7 +148,7 @@ impl Tester {
         if !e.errors.is_empty() {
             return None;
         }
-        words.declare(None, 1, e);
+        words.declare(None, [1, 1], e);
         e.errors.is_empty().then(|| Tester {
             raster,
             words,
@@ -444,7 +444,7 @@ fn every_multiplier_of_a_test_is_declared() {
     for (test, products) in [(BinTest::OrientedBox, 10), (BinTest::Ellipse, 16)] {
         let tester = Tester::new(&Machine::named("reference").unwrap(), test).unwrap();
         let e = &mut Elaboration::default();
-        tester.words.declare(None, 1, e);
+        tester.words.declare(None, [1, 1], e);
         let declared: u32 = e.parts.iter().map(crate::elaboration::Part::products).sum();
         assert_eq!(tester.tile.products(), products);
         assert_eq!(declared, tester.tile.products() + tester.splat.products());

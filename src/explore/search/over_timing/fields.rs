@@ -28,7 +28,7 @@ pub struct SearchedField {
 }
 
 /// Fields and values by default. Those that the machine's schema lacks are left out.
-const FIELDS: [(&str, &str); 45] = [
+const FIELDS: [(&str, &str); 46] = [
     (
         CLOCK,
         "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]",
@@ -41,6 +41,7 @@ const FIELDS: [(&str, &str); 45] = [
     ("bin.subtile_px", "[null, 4, 8, 16]"),
     ("bin.masks", "[null, \"bin\", \"list\"]"),
     ("bin.mask_tests", "[null, 1, 2, 4, 8]"),
+    ("bin.tiles_per_cycle", "[null, 2, 4, 8]"),
     ("sort.kind", "[\"radix\", \"tile\", \"hierarchical\"]"),
     ("timing.project.fifo", "[1, 2, 4, 8, 16]"),
     ("timing.ellipse.units", "[1, 2, 4]"),
@@ -95,8 +96,9 @@ const FIELDS: [(&str, &str); 45] = [
 ];
 
 /// Fields outside of `timing` that do not change a picture either.
-const LISTS: [&str; 7] = [
+const LISTS: [&str; 8] = [
     "bin.test",
+    "bin.tiles_per_cycle",
     "bin.subtile_px",
     "bin.masks",
     "bin.mask_tests",
