@@ -29,7 +29,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::output::picture::Picture;
-use crate::scene::{Kernel, Scene, Sheet, gaussian_cutoff};
+use crate::scene::{Amplitude, Kernel, Scene, Sheet, gaussian_cutoff};
 
 use fragments::{Fragment, FragmentPainter};
 use ideal::IdealPainter;
@@ -333,7 +333,13 @@ pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
         );
     }
     let shader = Shader::new(scene);
+    // An ellipsoid, unlike a disc, has the depth of its centre everywhere.
+    let is_in_order = (scene.ellipsoids.as_ref())
+        .is_some_and(|ellipsoids| ellipsoids.sorted && ellipsoids.amplitude != Amplitude::Disc);
     match &scene.sheets {
+        Some(sheets) if is_in_order => tiles::draw(scene, &shader, turn_normals, 0.0, || {
+            sheets::IdealOrderedPainter::new(sheets, shader.background())
+        }),
         Some(sheets) => tiles::draw(scene, &shader, turn_normals, 0.0, || {
             sheets::IdealSheetPainter::new(sheets, shader.background())
         }),

@@ -162,9 +162,60 @@ impl Painter for SheetPainter<'_> {
     }
 }
 
+/// What a pixel lets through of a contribution and adds to it. Contributions of a volume hide what
+/// is behind them by exactly e^(−x); those of a Gaussian by its weight.
+fn exact(sheets: &Sheets, fragment: &Fragment) -> DVec4 {
+    if sheets.of == Sheet::Splat {
+        return closed(sheets, fragment.weight, fragment.rgb);
+    }
+    let ratio = Opacity::Exponential.over_depth(fragment.weight);
+    (fragment.rgb * ratio).extend(fragment.weight * ratio)
+}
+
+/// The exact result of Gaussians that come in the order of their depths: as [`IdealSheetPainter`],
+/// but no contribution has to be kept.
+pub(super) struct IdealOrderedPainter<'a> {
+    sheets: &'a Sheets,
+    background: DVec4,
+    /// The blended contributions of each pixel, and their number.
+    pixels: Vec<(DVec4, u64)>,
+    outcomes: Outcomes,
+}
+
+impl<'a> IdealOrderedPainter<'a> {
+    pub fn new(sheets: &'a Sheets, background: [f64; 4]) -> Self {
+        IdealOrderedPainter {
+            sheets,
+            background: DVec4::from_array(background),
+            pixels: vec![(DVec4::ZERO, 0); PIXELS_IN_A_TILE],
+            outcomes: Outcomes::default(),
+        }
+    }
+}
+
+impl Painter for IdealOrderedPainter<'_> {
+    type Contribution = Fragment;
+
+    fn take(&mut self, pixel: usize, contribution: Fragment) {
+        let (front, count) = &mut self.pixels[pixel];
+        *front = over(*front, exact(self.sheets, &contribution));
+        *count += 1;
+    }
+
+    fn finish(&mut self, pixel: usize) -> [f64; 4] {
+        let (all, count) = std::mem::take(&mut self.pixels[pixel]);
+        self.outcomes.inserted += count;
+        self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(count);
+        over(all, self.background).to_array()
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        self.outcomes
+    }
+}
+
 /// The exact result, without a limit of slots: every contribution separately, nearest first, none
-/// left out and none late. Contributions of a volume hide what is behind them by exactly e^(−x);
-/// those of a Gaussian by its weight.
+/// left out and none late.
 pub(super) struct IdealSheetPainter<'a> {
     sheets: &'a Sheets,
     background: DVec4,
@@ -194,16 +245,9 @@ impl Painter for IdealSheetPainter<'_> {
     fn finish(&mut self, pixel: usize) -> [f64; 4] {
         let contributions = &mut self.contributions[pixel];
         contributions.sort_by(|a, b| a.z.total_cmp(&b.z));
-        let light = |fragment: &Fragment| {
-            if self.sheets.of == Sheet::Splat {
-                return closed(self.sheets, fragment.weight, fragment.rgb);
-            }
-            let ratio = Opacity::Exponential.over_depth(fragment.weight);
-            (fragment.rgb * ratio).extend(fragment.weight * ratio)
-        };
-        let all = contributions
-            .iter()
-            .fold(DVec4::ZERO, |front, fragment| over(front, light(fragment)));
+        let all = contributions.iter().fold(DVec4::ZERO, |front, fragment| {
+            over(front, exact(self.sheets, fragment))
+        });
         let count = contributions.len() as u64;
         self.outcomes.inserted += count;
         self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(count);
