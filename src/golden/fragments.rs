@@ -432,6 +432,7 @@ mod tests {
             inside: true,
         },
         reflection: None,
+        blocks: None,
     };
 
     /// Grey 0.5, full weight.

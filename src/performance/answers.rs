@@ -19,7 +19,7 @@ use crate::performance::given;
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::sorter::SorterShape;
-use rtl_model::machine::timing::{Colour, Organisation, Queue, Sorter, Timing};
+use rtl_model::machine::timing::{Colour, Contribution, Organisation, Queue, Sorter, Timing};
 use rtl_model::machine::{BinTest, MaskMaker, SortKind};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{Cycles, Detail, RecordedFrame};
@@ -284,7 +284,7 @@ fn trial(name: &str) -> Option<Trial> {
     Some(match name {
         "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses"
         | "bytes_per_cycle" | "outstanding" | "lanes" | "engines" | "merges_in_flight"
-        | "channels" | "write_batch" | "buffer_entries" | "network" => Trial::More,
+        | "channels" | "write_batch" | "buffer_entries" | "network" | "blocks" => Trial::More,
         "latency" | "interval" | "hazard" | "merge" => Trial::Less,
         "side_px" | "line_px" | "burst_bytes" | "bucket_bits" => Trial::Both,
         "queue" | "overlap" => Trial::Other,
@@ -374,7 +374,7 @@ fn candidates_of_lists(machine: &Machine, work: &Work) -> Vec<Candidate> {
     if !work.tested.is_empty() {
         let tests = [BinTest::Box, BinTest::OrientedBox, BinTest::Ellipse];
         choices("bin.test", json!(bin.test), &tests.map(|test| json!(test)));
-        if bin.test != BinTest::Box {
+        if bin.test != BinTest::Box && machine.contribution.is_none() {
             let sides = [Value::Null, json!(4), json!(8), json!(16)];
             choices("bin.subtile_px", json!(bin.subtile_px), &sides);
         }
@@ -472,6 +472,12 @@ fn filled(machine: &Elaborated) -> Timing {
             network,
             bucket_bits,
             overlap,
+        });
+    }
+    if let Some(blocks) = built.contribution {
+        timing.contribution = Some(Contribution {
+            latency: Some(blocks.latency),
+            ..timing.contribution.unwrap_or_default()
         });
     }
     timing.engines = Some(built.engines);

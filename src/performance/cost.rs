@@ -572,7 +572,7 @@ impl Energy {
             unit::SORT if sorters > 0 => sorted,
             unit::BIN if machine.timing.bin.is_some() => tested,
             // The parts of list are those of its masks, in all engines.
-            unit::LIST => masks.map_or(0, |masks| masks.list_cycles) as f64,
+            unit::LIST | unit::CONTRIBUTION => masks.map_or(0, |masks| masks.list_cycles) as f64,
             // Each shaded fragment may be reflected.
             "shade" | "reflect" => {
                 counted("shade") + counted("resolve-shade") + counted("setup-shade")
@@ -599,7 +599,7 @@ impl Energy {
                 // of them.
                 let instances = match part.unit {
                     "shade" | "reflect" => f64::from(machine.timing.shade_units),
-                    unit::LIST => f64::from(machine.timing.engines),
+                    unit::LIST | unit::CONTRIBUTION => f64::from(machine.timing.engines),
                     unit::SORT => f64::from(sorters.max(1)),
                     _ => 1.0,
                 };

@@ -121,6 +121,7 @@ fn reference() -> Machine {
         colour: None,
         bin: None,
         sort: None,
+        contribution: None,
         raster: Raster {
             rows: Rows::Differenced,
             cutoff: unsigned(5, 16),
@@ -270,6 +271,7 @@ fn lean() -> Machine {
         colour: None,
         bin: None,
         sort: None,
+        contribution: None,
         raster: Raster {
             rows: Rows::Seeded,
             cutoff: unsigned(5, 10),
@@ -402,6 +404,7 @@ fn tiny() -> Machine {
         colour: None,
         bin: None,
         sort: None,
+        contribution: None,
         raster: Raster {
             rows: Rows::Seeded,
             cutoff: unsigned(5, 4),
