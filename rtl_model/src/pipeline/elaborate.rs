@@ -229,7 +229,8 @@ impl Machine {
         e.require(self.timing.organisation == Organisation::Binned, || {
             "timing.organisation is immediate, but bin.test tests tiles, and only a binned machine has lists of tiles: leave `bin` out, or use binned".into()
         });
-        let masks = Masks::of(self);
+        // A contribution test makes those of a machine that has one.
+        let masks = Masks::of(self).filter(|_| self.contribution.is_none());
         words.declare(masks, self.timing.engines.unwrap_or(1).clamp(1, 64), e);
         let cycles = |path: Path| path.cycles_at(&self.timing).max(1);
         let shape = BinShape {
