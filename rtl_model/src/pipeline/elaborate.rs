@@ -119,6 +119,11 @@ impl Elaborated {
         self.colour.as_ref()
     }
 
+    /// Test of blocks of pixels, if the machine has one.
+    pub fn contribution(&self) -> Option<&contribution::Contribution> {
+        self.contribution.as_ref()
+    }
+
     /// Registers of windows; none where fragments are grouped otherwise.
     pub fn windows(&self, frame: &Frame) -> Option<WindowRegisters> {
         let Frame {
