@@ -126,14 +126,15 @@ impl Disc {
 }
 
 impl BlockTest {
-    /// Leader pixels of a pixel's block.
-    pub(crate) fn leaders(&self, at: [u32; 2]) -> Vec<[u32; 2]> {
+    /// Leader pixels of a pixel's block; those of a diagonal twice.
+    pub(crate) fn leaders(&self, at: [u32; 2]) -> [[u32; 2]; 4] {
         let [left, top] = self.first(at);
         let [right, bottom] = [left, top].map(|first| first + self.side_px - 1);
+        let (first, last) = ([left, top], [right, bottom]);
         if self.diagonal {
-            vec![[left, top], [right, bottom]]
+            [first, last, first, last]
         } else {
-            vec![[left, top], [right, top], [left, bottom], [right, bottom]]
+            [first, [right, top], [left, bottom], last]
         }
     }
 
@@ -501,9 +502,8 @@ impl Footprint {
     }
 
     /// r at the leaders of a pixel's block.
-    pub fn leaders(&self, test: &BlockTest, [x, y]: [u32; 2]) -> Vec<f64> {
-        let radial = |[x, y]: [u32; 2]| self.row(y).radial_index(x).1;
-        test.leaders([x, y]).into_iter().map(radial).collect()
+    pub fn leaders(&self, test: &BlockTest, at: [u32; 2]) -> [f64; 4] {
+        test.leaders(at).map(|[x, y]| self.row(y).radial_index(x).1)
     }
 
     /// Whether the block of a pixel is kept, or none is tested.

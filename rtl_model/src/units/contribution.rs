@@ -69,9 +69,10 @@ impl Contribution {
         }
         let engines = machine.timing.engines.unwrap_or(1).clamp(1, 64);
         let blocks = machine.contribution_blocks();
+        let errors = e.errors.len();
         let (graph, radial) = e.copies(engines * blocks, |e| block(e, machine, &words));
         e.copies(engines, |e| surroundings(e, machine, blocks));
-        Some(Contribution {
+        (e.errors.len() == errors).then(|| Contribution {
             words,
             program: graph.program(),
             asked: graph.asked(radial),
