@@ -14,6 +14,7 @@ mod channel;
 mod chart;
 mod cli;
 mod compare;
+mod contribution;
 mod cosimulation;
 mod diff;
 mod dram;

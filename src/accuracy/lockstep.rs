@@ -336,14 +336,23 @@ impl<'a> FrameContext<'a> {
         }
     }
 
-    /// A splat, exact and with the machine's bounds.
-    fn splat(&self, index: u32) -> BoundedSplat {
+    /// A splat as golden has it.
+    fn footprint(&self, index: u32) -> (Footprint, Option<Cull>) {
         let (mut footprint, cull) = set_up_with_cull(
             self.scene,
             &self.eye,
             index as usize,
             self.scene.least_weight(),
         );
+        let frame = &self.quantised.frame;
+        footprint.blocks =
+            (self.common.rules.blocks).filter(|_| self.machine.tests_blocks(frame).is_some());
+        (footprint, cull)
+    }
+
+    /// A splat, exact and with the machine's bounds.
+    fn splat(&self, index: u32) -> BoundedSplat {
+        let (mut footprint, cull) = self.footprint(index);
         let registers = Registers {
             scene: self.scene,
             eye: &self.eye,
@@ -467,6 +476,48 @@ impl<'a> FrameContext<'a> {
             || outside(0)
             || outside(1)
     }
+
+    /// Whether the machine may have a contribution to a pixel that `golden` does not have. Each
+    /// reason of golden's must be in doubt.
+    fn explains_more(
+        &self,
+        splat: &BoundedSplat,
+        row: &FootprintRow,
+        at: [u32; 2],
+        exact: &Exact,
+    ) -> bool {
+        let reaches = splat.reaches(row, at, exact);
+        (reaches || self.may_cover(splat, at[0], at[1]))
+            && (splat.footprint.keeps_block(at) || self.may_keep_otherwise(splat, at))
+    }
+
+    /// Whether machine and `golden` may differ about keeping the block of a pixel.
+    fn may_keep_otherwise(&self, splat: &BoundedSplat, [x, y]: [u32; 2]) -> bool {
+        let frame = &self.quantised.frame;
+        let (Some(test), Some(unit), Some(held)) = (
+            &splat.footprint.blocks,
+            self.machine.tests_blocks(frame),
+            (self.machine).contribution_cutoff(frame, splat.index as usize),
+        ) else {
+            return false;
+        };
+        let cutoff = Near::held(
+            splat.footprint.leader_cutoff(test),
+            self.machine.machine.raster.cutoff,
+            held,
+        );
+        let (point, ellipse) = (&splat.near.point, &splat.near.ellipse);
+        let middle = self.eye.half_px.map(|half_px| half_px - 0.5);
+        let near = unit.real(point.pixel, ellipse.conic, test.first([x, y]), middle);
+        let exact = splat.footprint.leaders(test, [x, y]);
+        let mut radial = (near.iter().zip(&exact)).map(|(near, exact)| near.around(*exact));
+        // NaN counts as either.
+        if splat.footprint.keeps_block([x, y]) {
+            radial.all(|radial| !(radial.high() < cutoff.low()))
+        } else {
+            radial.any(|radial| !(radial.low() >= cutoff.high()))
+        }
+    }
 }
 
 /// The splats that `golden` draws, each with the tiles of its box: first column and row, end column
@@ -505,7 +556,12 @@ struct BoundedSplat {
 impl BoundedSplat {
     /// Whether `golden` has this contribution at a pixel of this row. `contribution` is computed as
     /// if all pixels were reached.
-    fn covers(&self, row: &FootprintRow, [x, y]: [u32; 2], contribution: &Exact) -> bool {
+    fn covers(&self, row: &FootprintRow, at: [u32; 2], contribution: &Exact) -> bool {
+        self.reaches(row, at, contribution) && self.footprint.keeps_block(at)
+    }
+
+    /// The same without a test of blocks.
+    fn reaches(&self, row: &FootprintRow, [x, y]: [u32; 2], contribution: &Exact) -> bool {
         let Footprint { columns, rows, .. } = &self.footprint;
         self.cull.is_none()
             && columns.contains(&x)
@@ -626,7 +682,7 @@ impl<'a> LockstepProbe<'a> {
             if splat.cull.is_some() {
                 flips.cull(stage.may_cull(splat) || stage.may_cover(splat, x, y));
             } else if !is_covered {
-                flips.coverage(stage.may_cover(splat, x, y));
+                flips.coverage(stage.explains_more(splat, &row, [x, y], &exact));
             }
             if splat.turns_differently && stage.sheets.is_none() {
                 flips.turn(splat.near.ellipse.facing_viewer.may_cross(Near::exact(0.0)));
@@ -680,12 +736,7 @@ impl<'a> LockstepProbe<'a> {
             if touched.peek() == Some(&index) {
                 continue;
             }
-            let (footprint, _) = set_up_with_cull(
-                stage.scene,
-                &stage.eye,
-                index as usize,
-                stage.scene.least_weight(),
-            );
+            let (footprint, _) = stage.footprint(index);
             let lost = self.lost(&footprint, [left, top]);
             if !lost.is_empty() {
                 let splat = stage.splat(index);
@@ -713,7 +764,8 @@ impl<'a> LockstepProbe<'a> {
     /// Counts a contribution that only `golden` has.
     fn count_lost(&mut self, splat: &BoundedSplat, [x, y]: [u32; 2]) {
         let stage = self.stage;
-        let (culled, covered) = (stage.may_cull(splat), stage.may_cover(splat, x, y));
+        let covered = stage.may_cover(splat, x, y) || stage.may_keep_otherwise(splat, [x, y]);
+        let culled = stage.may_cull(splat);
         self.at_pixel(in_tile(x, y), |_, flips| {
             if culled && !covered {
                 flips.cull(true)

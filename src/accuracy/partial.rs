@@ -127,6 +127,8 @@ pub struct Footprint {
     /// Windows only: the splat's own colour under the lights.
     light: [f64; 3],
     splat: u32,
+    /// Cutoff of leaders, if blocks are tested.
+    leader_cutoff: f64,
     /// Sort key.
     key: f64,
 }
@@ -231,6 +233,9 @@ impl<'a> MixedDrawing<'a> {
                 material,
                 light: light.map(number),
                 splat: index as u32,
+                leader_cutoff: registers
+                    .leader_cutoff(&hold, index)
+                    .map_or(f64::INFINITY, number),
                 key: self.machine.real_key(point.depth).value,
             };
             (!footprint.columns.is_empty() && !footprint.rows.is_empty()).then_some(footprint)
@@ -379,12 +384,13 @@ impl<'a> Cover for FrameFootprint<'a> {
             f64::from(left) + 0.5 - half_px[0],
             f64::from(top) + 0.5 - half_px[1],
         ];
+        let kept = self.kept_blocks(&input, [columns.clone(), rows.clone()]);
         let downwards =
             machine.mixed_precision_rows(&input, first, rows.start - top..rows.end - top);
         for (y, row) in rows.zip(downwards) {
             for x in columns.clone() {
                 let [radial, depth] = machine.mixed_precision_pixel(&row, f64::from(x - left));
-                if machine.keeps(radial.value, frame.cutoff) {
+                if machine.keeps(radial.value, frame.cutoff) && kept([x, y]) {
                     let weight = machine.real_weight(radial, word(footprint.amplitude)).value;
                     // A weight that rounds to 0 makes no fragment.
                     if weight > 0.0 && weight >= least_weight {
@@ -400,6 +406,41 @@ impl<'a> Cover for FrameFootprint<'a> {
                     }
                 }
             }
+        }
+    }
+}
+
+impl FrameFootprint<'_> {
+    /// Whether the block of a pixel is kept, for the pixels of a part of the box.
+    fn kept_blocks(
+        &self,
+        input: &Input<MixedPrecision>,
+        [columns, rows]: [Range<u32>; 2],
+    ) -> impl Fn([u32; 2]) -> bool {
+        let stage = self.frame.stage;
+        let unit = (stage.machine).tests_blocks(&stage.quantised.frame);
+        let side = unit.map_or(1, |unit| unit.block_px());
+        let middle = stage.eye.half_px.map(|half_px| half_px - 0.5);
+        let blocks = |range: &Range<u32>| range.start / side..range.end.div_ceil(side);
+        let (across, first) = (
+            blocks(&columns).len(),
+            [columns.start / side, rows.start / side],
+        );
+        let kept: Option<Vec<bool>> = unit.map(|unit| {
+            let block = |[x, y]: [u32; 2]| {
+                let radial = unit.real(input.pixel, input.conic, [x * side, y * side], middle);
+                radial
+                    .iter()
+                    .any(|radial| radial.value < self.footprint.leader_cutoff)
+            };
+            let all = blocks(&rows).flat_map(|y| blocks(&columns).map(move |x| [x, y]));
+            all.map(block).collect()
+        });
+        move |[x, y]| {
+            kept.as_ref().is_none_or(|kept| {
+                let [x, y] = [x / side - first[0], y / side - first[1]].map(|at| at as usize);
+                kept[y * across + x]
+            })
         }
     }
 }

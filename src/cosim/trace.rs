@@ -136,6 +136,11 @@ pub fn trace(
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
     let kind = Kind::of(&frame);
+    if elaborated.tests_blocks(&frame).is_some() && window.stimulus.is_none() {
+        return Err(Error::input(
+            "the machine's `contribution` leaves out blocks of pixels, and records of raster have no mask: leave `contribution` out, or use --stimulus",
+        ));
+    }
     let rectangle = window.check(&frame)?;
     if window.waves.is_some()
         && frame.surroundings.is_some()

@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3};
 
+use super::BlockTest;
 use crate::scene::{Amplitude, Filter, Orientation, Scene, Sheet, View};
 
 /// A splat on screen, in pixels; depths and normals are in camera space.
@@ -30,6 +31,10 @@ pub(crate) struct Footprint {
     /// The disc extends no further than this from its centre in z.
     z_reach: f64,
     cutoff: f64,
+    /// The radial index up to which the weights of its opacity count, if that is less.
+    counts_within: f64,
+    /// How blocks of pixels are tested, if they are.
+    pub blocks: Option<BlockTest>,
     /// Smaller weights make no fragment.
     pub least_weight: f64,
     /// Sheet of the splat, if splats are grouped by sheets.
@@ -117,6 +122,25 @@ impl Disc {
             // Towards the horizon a pixel's filter extends farther than at the disc itself.
             of_disc + 4.0 * filter + 1.0
         })
+    }
+}
+
+impl BlockTest {
+    /// Leader pixels of a pixel's block; those of a diagonal twice.
+    pub(crate) fn leaders(&self, at: [u32; 2]) -> [[u32; 2]; 4] {
+        let [left, top] = self.first(at);
+        let [right, bottom] = [left, top].map(|first| first + self.side_px - 1);
+        let (first, last) = ([left, top], [right, bottom]);
+        if self.diagonal {
+            [first, last, first, last]
+        } else {
+            [first, [right, top], [left, bottom], last]
+        }
+    }
+
+    /// First pixel of a pixel's block.
+    pub(crate) fn first(&self, at: [u32; 2]) -> [u32; 2] {
+        at.map(|at| at - at % self.side_px)
     }
 }
 
@@ -369,6 +393,8 @@ pub(crate) fn set_up_with_cull(
             0.0
         },
         cutoff,
+        counts_within: box_cutoff,
+        blocks: None,
         least_weight,
         sheet: match scene.sheets.as_ref().map(|sheets| &sheets.of) {
             Some(Sheet::Slice(numbers)) => numbers[index],
@@ -466,6 +492,30 @@ impl Footprint {
         self.rows.clone().map(row).sum()
     }
 
+    /// The radial index below which a leader keeps its block.
+    pub fn leader_cutoff(&self, test: &BlockTest) -> f64 {
+        if test.by_opacity {
+            self.counts_within
+        } else {
+            self.cutoff
+        }
+    }
+
+    /// r at the leaders of a pixel's block.
+    pub fn leaders(&self, test: &BlockTest, at: [u32; 2]) -> [f64; 4] {
+        test.leaders(at).map(|[x, y]| self.row(y).radial_index(x).1)
+    }
+
+    /// Whether the block of a pixel is kept, or none is tested.
+    pub fn keeps_block(&self, at: [u32; 2]) -> bool {
+        self.blocks.is_none_or(|test| {
+            let cutoff = self.leader_cutoff(&test);
+            self.leaders(&test, at)
+                .iter()
+                .any(|radial| *radial < cutoff)
+        })
+    }
+
     /// The footprint along one row of pixels.
     pub fn row(&self, y: u32) -> FootprintRow<'_> {
         let dy = f64::from(y) + 0.5 - self.centre[1];
@@ -504,10 +554,13 @@ impl FootprintRow<'_> {
             return None;
         }
         let contribution = self.contribution(dx, radial_index);
-        (contribution.weight >= self.footprint.least_weight).then_some(contribution)
+        let is_drawn = contribution.weight >= self.footprint.least_weight
+            && self.footprint.keeps_block([x, self.middle as u32]);
+        is_drawn.then_some(contribution)
     }
 
-    /// Whether the footprint reaches the pixel in column `x`, given its contribution there.
+    /// Whether the footprint reaches the pixel in column `x`, given its contribution there; blocks
+    /// are not tested.
     pub fn reaches(&self, x: u32, beyond: &Contribution) -> bool {
         let Footprint {
             cutoff,

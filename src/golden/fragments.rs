@@ -433,6 +433,7 @@ mod tests {
         },
         sums_gaussians: false,
         reflection: None,
+        blocks: None,
     };
 
     /// Grey 0.5, full weight.

@@ -64,6 +64,22 @@ pub struct Rules {
     pub sums_gaussians: bool,
     /// How surroundings are mirrored; none: exactly, as [`ideal`] always does.
     pub reflection: Option<Reflection>,
+    /// Gaussians only: how blocks of pixels are tested; none: every block is drawn, as [`ideal`]
+    /// always does.
+    pub blocks: Option<BlockTest>,
+}
+
+/// A test of blocks of pixels by r at a few of their pixels, the leaders: a Gaussian is not drawn in
+/// a block if none of the leaders is inside of its footprint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockTest {
+    /// Side of a block, pixels; blocks are aligned to the picture.
+    pub side_px: u32,
+    /// The leaders are two opposite corners, not all four.
+    pub diagonal: bool,
+    /// The footprint ends where no weight of the Gaussian's opacity counts, not at the cutoff of
+    /// the frame.
+    pub by_opacity: bool,
 }
 
 impl Default for Rules {
@@ -81,6 +97,7 @@ impl Default for Rules {
             window: WindowOptions::default(),
             sums_gaussians: false,
             reflection: None,
+            blocks: None,
         }
     }
 }
@@ -274,6 +291,11 @@ impl Outcomes {
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
     let shader = Shader::of(scene, rules);
     match scene.sheets_for(rules.sums_gaussians) {
+        Some(sheets) if sheets.of == Sheet::Splat && rules.blocks.is_some() => {
+            tiles::draw_tested(scene, &shader, rules, || {
+                sheets::SheetPainter::new(&sheets, shader.background())
+            })
+        }
         Some(sheets) => tiles::draw(
             scene,
             &shader,

@@ -9,7 +9,7 @@ use super::shade::{Shader, over};
 use super::sheets::{SheetOutcome, SheetState};
 use super::tiles::put_in_order;
 use super::window::{self, WindowPainter};
-use super::{Decision, Group, Merge, Rules};
+use super::{BlockTest, Decision, Group, Merge, Rules};
 use crate::scene::{Scene, Sheet, Sheets};
 use glam::DVec4;
 
@@ -92,7 +92,8 @@ impl TracedLayer {
 pub fn pixel_trace(scene: &Scene, rules: &Rules, x: usize, y: usize) -> PixelTrace {
     let shader = Shader::of(scene, rules);
     if let Some(sheets) = scene.sheets_for(rules.sums_gaussians) {
-        return of_sheets(scene, &sheets, &shader, x as u32, y as u32);
+        let blocks = rules.blocks.filter(|_| sheets.of == Sheet::Splat);
+        return of_sheets(scene, &sheets, &shader, blocks, [x as u32, y as u32]);
     }
     let pixel = [x as u32, y as u32];
     match (rules.group, rules.merge) {
@@ -109,9 +110,13 @@ fn of_fragments<S: Slot>(
     pixel: [u32; 2],
 ) -> PixelTrace {
     let mut golden = FragmentPainter::<S>::new(rules, scene.surface.z_threshold, shader);
-    let contributions = contributions(scene, shader, rules.turn_normals, pixel, |_, fragment| {
-        golden.decide(0, fragment)
-    });
+    let contributions = contributions(
+        scene,
+        shader,
+        (rules.turn_normals, None),
+        pixel,
+        |_, fragment| golden.decide(0, fragment),
+    );
     let slots = golden.fragments(0);
     let mut layers: Vec<TracedLayer> = slots
         .iter()
@@ -134,7 +139,7 @@ fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) ->
     let contributions = contributions(
         scene,
         shader,
-        rules.turn_normals,
+        (rules.turn_normals, None),
         pixel,
         |footprint, sums| {
             pixels.decide(
@@ -175,18 +180,28 @@ fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) ->
     }
 }
 
-fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) -> PixelTrace {
+fn of_sheets(
+    scene: &Scene,
+    sheets: &Sheets,
+    shader: &Shader,
+    blocks: Option<BlockTest>,
+    at: [u32; 2],
+) -> PixelTrace {
     let mut pixel = SheetState::default();
-    let contributions = contributions(scene, shader, false, [x, y], |_, fragment| {
-        match pixel.take(sheets, &fragment) {
+    let contributions = contributions(
+        scene,
+        shader,
+        (false, blocks),
+        at,
+        |_, fragment| match pixel.take(sheets, &fragment) {
             SheetOutcome::Added => Decision::Accumulated { slot: 1 },
             SheetOutcome::First => Decision::Inserted {
                 slot: usize::from(sheets.of != Sheet::Splat),
             },
             SheetOutcome::Next => Decision::Merged { slot: 0, place: 1 },
             SheetOutcome::Dropped => Decision::Dropped,
-        }
-    });
+        },
+    );
     let colour = pixel.colour(sheets);
     let all = Fragment {
         rgb: colour.truncate(),
@@ -210,7 +225,7 @@ fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) ->
 fn contributions(
     scene: &Scene,
     shader: &Shader,
-    turn_normals: bool,
+    (turn_normals, blocks): (bool, Option<BlockTest>),
     [x, y]: [u32; 2],
     mut decide: impl FnMut(&Footprint, Fragment) -> Decision,
 ) -> Vec<TracedContribution> {
@@ -220,6 +235,9 @@ fn contributions(
     let mut touching: Vec<Footprint> = footprints
         .filter(|footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y))
         .collect();
+    for footprint in &mut touching {
+        footprint.blocks = blocks;
+    }
     if turn_normals {
         touching.iter_mut().for_each(Footprint::turn_normal);
     }

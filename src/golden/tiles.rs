@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::footprint::{self, Cull, Footprint};
 use super::fragments::Fragment;
 use super::shade::Shader;
-use super::{Culled, Outcomes, Rendering};
+use super::{Culled, Outcomes, Rendering, Rules};
 use crate::output::picture::Picture;
 use crate::scene::{Image, Scene, View};
 
@@ -91,6 +91,24 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     Rendering {
         culled,
         ..fill(image, &discs, background, painter)
+    }
+}
+
+/// Draws Gaussians whose blocks of pixels are tested.
+pub(super) fn draw_tested<P: Painter<Contribution = Fragment>>(
+    scene: &Scene,
+    shader: &Shader,
+    rules: &Rules,
+    painter: impl Fn() -> P + Sync,
+) -> Rendering {
+    let (mut footprints, culled) =
+        footprints(scene, shader, rules.turn_normals, scene.least_weight());
+    for footprint in &mut footprints {
+        footprint.blocks = rules.blocks;
+    }
+    Rendering {
+        culled,
+        ..fill(&scene.image, &footprints, shader.background(), painter)
     }
 }
 

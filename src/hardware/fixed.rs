@@ -92,6 +92,11 @@ pub fn rules(machine: &Machine) -> golden::Rules {
             index_bits: reflect.index_bits.clamp(1, 8),
             by_ray: reflect.sight == machine::Sight::Ray,
         }),
+        blocks: machine.contribution.map(|test| golden::BlockTest {
+            side_px: test.block_px,
+            diagonal: test.leaders == machine::Leaders::Diagonal,
+            by_opacity: (machine.ellipse.ellipsoid).is_some_and(|words| words.reach_bits.is_some()),
+        }),
         evict_hidden: fragment.evict_hidden,
         turn_normals: fragment.turn_normals,
         opaque: f64::from(fragment.opaque_permille) / 1000.0,

@@ -727,6 +727,12 @@ impl RegisterLoader<'_> {
             );
             return None;
         }
+        if machine.contribution.is_some() && !is_of_gaussians {
+            self.refuse(
+                "its `contribution` tests blocks of pixels for Gaussians, and these splats are no Gaussians: leave `contribution` out".into(),
+            );
+            return None;
+        }
         let sheets = &*scene.sheets_for(machine.sums_gaussians())?;
         let Some(words) = &machine.fragment.sheets else {
             self.refuse(

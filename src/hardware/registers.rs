@@ -8,6 +8,7 @@
 
 use crate::golden::shade::Shader;
 use crate::golden::window_density;
+use crate::hardware::fixed;
 use crate::hardware::quantise::{Quantised, limited_cutoff, quantised as constant};
 use crate::scene;
 use crate::scene::{Opacity, Scene, Sheets, View};
@@ -517,6 +518,21 @@ impl Registers<'_> {
                 .max(0.0)
         });
         hold.hold("raster.cutoff", own, word, held)
+    }
+
+    /// Cutoff that r at a leader is compared with; `None` where blocks are not tested.
+    pub fn leader_cutoff<H: Hold>(&self, hold: &H, index: usize) -> Option<H::Real> {
+        let frame = &self.quantised.frame;
+        let test = fixed::rules(&self.machine.machine).blocks?;
+        let held = self.machine.contribution_cutoff(frame, index)?;
+        let least = self.scene.least_opacity().filter(|_| test.by_opacity);
+        let frame_cutoff = self.scene.kernel.cutoff;
+        let own = least.map_or(frame_cutoff, |least| {
+            let counts = 2.0 * libm::log(self.scene.splats[index].opacity / least);
+            frame_cutoff.min(counts.max(0.0))
+        });
+        let word = self.machine.machine.raster.cutoff;
+        Some(hold.hold("raster.cutoff", own, word, held))
     }
 
     /// Least opacity that is drawn; `None` where every opacity is.

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::masks::MOST_TILES_PER_CYCLE;
 use rtl_model::elaboration::sorter::SorterShape;
-use rtl_model::machine::timing::{Colour, Organisation, Queue, Sorter, Timing};
+use rtl_model::machine::timing::{Colour, Contribution, Organisation, Queue, Sorter, Timing};
 use rtl_model::machine::{BinTest, MaskMaker, SortKind};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{Cycles, Detail, RecordedFrame};
@@ -285,7 +285,7 @@ fn trial(name: &str) -> Option<Trial> {
     Some(match name {
         "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses"
         | "bytes_per_cycle" | "outstanding" | "lanes" | "engines" | "merges_in_flight"
-        | "channels" | "write_batch" | "buffer_entries" | "network" => Trial::More,
+        | "channels" | "write_batch" | "buffer_entries" | "network" | "blocks" => Trial::More,
         "latency" | "interval" | "hazard" | "merge" => Trial::Less,
         "side_px" | "line_px" | "burst_bytes" | "bucket_bits" => Trial::Both,
         "queue" | "overlap" => Trial::Other,
@@ -381,7 +381,7 @@ fn candidates_of_lists(machine: &Machine, work: &Work) -> Vec<Candidate> {
     if !work.tested.is_empty() {
         let tests = [BinTest::Box, BinTest::OrientedBox, BinTest::Ellipse];
         choices("bin.test", json!(bin.test), &tests.map(|test| json!(test)));
-        if bin.test != BinTest::Box {
+        if bin.test != BinTest::Box && machine.contribution.is_none() {
             let sides = [Value::Null, json!(4), json!(8), json!(16)];
             choices("bin.subtile_px", json!(bin.subtile_px), &sides);
         }
@@ -479,6 +479,12 @@ fn filled(machine: &Elaborated) -> Timing {
             network,
             bucket_bits,
             overlap,
+        });
+    }
+    if let Some(blocks) = built.contribution {
+        timing.contribution = Some(Contribution {
+            latency: Some(blocks.latency),
+            ..timing.contribution.unwrap_or_default()
         });
     }
     timing.engines = Some(built.engines);

@@ -58,7 +58,9 @@ pub fn critical_paths(machine: &Elaborated) -> Vec<CriticalPath> {
         )
     });
     let bin = t.bin.map(|bin| critical("bin", bin.path(), bin.latency));
-    let list = t.bin.and_then(|bin| {
+    let contribution = (t.contribution)
+        .map(|blocks| critical("contribution", t.paths.contribution, blocks.latency));
+    let list = t.bin.filter(|_| t.contribution.is_none()).and_then(|bin| {
         let (masks, latency) = t.masks_of_list()?;
         Some(critical("list, a mask", masks.path(bin.words), latency))
     });
@@ -75,6 +77,7 @@ pub fn critical_paths(machine: &Elaborated) -> Vec<CriticalPath> {
     .chain(colour)
     .chain(bin)
     .chain(list)
+    .chain(contribution)
     .chain(sorter)
     .chain(
         [

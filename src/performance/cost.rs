@@ -574,7 +574,7 @@ impl Energy {
                 tested
             }
             // The parts of list are those of its masks, in all engines.
-            unit::LIST => masks.map_or(0, |masks| masks.list_cycles) as f64,
+            unit::LIST | unit::CONTRIBUTION => masks.map_or(0, |masks| masks.list_cycles) as f64,
             // Each shaded fragment may be reflected.
             "shade" | "reflect" => {
                 counted("shade") + counted("resolve-shade") + counted("setup-shade")
@@ -601,7 +601,7 @@ impl Energy {
                 // of them.
                 let instances = match part.unit {
                     "shade" | "reflect" => f64::from(machine.timing.shade_units),
-                    unit::LIST => f64::from(machine.timing.engines),
+                    unit::LIST | unit::CONTRIBUTION => f64::from(machine.timing.engines),
                     unit::SORT => f64::from(sorters.max(1)),
                     _ => 1.0,
                 };

@@ -72,7 +72,7 @@ pub struct TileTestsReport {
     pub tiles: u64,
     /// Entries of all tile lists: tiles that are not rejected.
     pub entries: u64,
-    /// Masks of the entries; only for machines with `bin.subtile_px`.
+    /// Masks of the entries; only for machines with `bin.subtile_px` or `contribution`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub masks: Option<MasksReport>,
 }
@@ -84,7 +84,7 @@ pub struct MasksReport {
     pub subtiles_tested: u64,
     /// Bits that are set in the entries of all lists.
     pub subtiles_set: u64,
-    /// Cycles in which `list` tested subtiles, in all engines; 0 if `bin` does.
+    /// Cycles in which `list` or `contribution` tested subtiles, in all engines; 0 if `bin` does.
     pub list_cycles: u64,
     /// Cycles in which raster seeded a run of subtiles, except the first of an entry.
     pub seeds: u64,

@@ -5,6 +5,7 @@
 //! timing of the same machine
 //!                      "splatsim-work-6\n", the same, and the keys of sorted splats, where buckets depend on them
 //!                      "splatsim-work-7\n", the same, and the words of splats, where tests of tiles depend on them
+//!                      "splatsim-work-8\n", the same, and the masks of blocks, where blocks are tested
 //! ```
 //! The events depend on all fields of a machine except `timing`: only `timing` can be changed.
 //!
@@ -42,6 +43,10 @@ const MAGIC: &[u8] = b"splatsim-work-5\n";
 const MAGIC_WITH_KEYS: &[u8] = b"splatsim-work-6\n";
 /// Beginning of a file with keys, which may be empty, and words for tests of tiles at its end.
 const MAGIC_WITH_WORDS: &[u8] = b"splatsim-work-7\n";
+/// Beginning of a file with keys and words, which may be empty, and masks of blocks at its end.
+const MAGIC_WITH_MASKS: &[u8] = b"splatsim-work-8\n";
+/// All beginnings.
+const MAGICS: [&[u8]; 4] = [MAGIC, MAGIC_WITH_KEYS, MAGIC_WITH_WORDS, MAGIC_WITH_MASKS];
 
 /// Fields outside of `timing` that change no picture: how the order is computed, not which it is;
 /// and which tiles and subtiles are tested for having no pixel.
@@ -121,9 +126,7 @@ impl Recording {
             let mut begins = Vec::new();
             let read = fs::File::open(path)
                 .and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
-            read.is_ok()
-                && (begins.is_empty()
-                    || [MAGIC, MAGIC_WITH_KEYS, MAGIC_WITH_WORDS].contains(&&begins[..]))
+            read.is_ok() && (begins.is_empty() || MAGICS.contains(&&begins[..]))
         };
         if path.exists() && !(path.is_file() && is_recording()) {
             return input_error("it exists and is not a recording");
@@ -149,7 +152,9 @@ impl Recording {
             cutoff,
             ..
         } = &parts.work;
+        let masks = parts.work.masks();
         let magic = match (keys.is_empty(), tested.is_empty()) {
+            _ if !masks.is_empty() => MAGIC_WITH_MASKS,
             (true, true) => MAGIC,
             (false, true) => MAGIC_WITH_KEYS,
             (_, false) => MAGIC_WITH_WORDS,
@@ -161,6 +166,9 @@ impl Recording {
             let written = written.and_then(|()| match magic {
                 MAGIC => Ok(()),
                 MAGIC_WITH_KEYS => postcard::to_io(keys, &mut *file).map(|_| ()),
+                MAGIC_WITH_MASKS => {
+                    postcard::to_io(&(keys, tested, cutoff, &masks), &mut *file).map(|_| ())
+                }
                 _ => postcard::to_io(&(keys, tested, cutoff), &mut *file).map(|_| ()),
             });
             written.map_err(|error| {
@@ -179,8 +187,7 @@ impl Recording {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
         let bytes =
             input::read(path).map_err(|error| input_error(&format!("cannot be read: {error}")))?;
-        let kinds = [MAGIC, MAGIC_WITH_KEYS, MAGIC_WITH_WORDS];
-        let (magic, rest) = (kinds.into_iter())
+        let (magic, rest) = (MAGICS.into_iter())
             .find_map(|magic| Some((magic, bytes.strip_prefix(magic)?)))
             .ok_or_else(|| {
                 input_error("is not a record of a frame's work, as `run --record` writes it")
@@ -196,6 +203,13 @@ impl Recording {
             let work = &mut parts.work;
             ((work.keys, work.tested, work.cutoff), left) = postcard::take_from_bytes(left)
                 .map_err(|_| damaged("its keys or its words are truncated"))?;
+        }
+        if magic == MAGIC_WITH_MASKS {
+            let work = &mut parts.work;
+            let masks: Vec<u16>;
+            ((work.keys, work.tested, work.cutoff, masks), left) = postcard::take_from_bytes(left)
+                .map_err(|_| damaged("its keys, its words or its masks are truncated"))?;
+            work.take_masks(&masks).map_err(|what| damaged(&what))?;
         }
         if !left.is_empty() {
             return Err(damaged("it has data after its end"));
@@ -215,6 +229,9 @@ impl Recording {
         holds_words(&machine, &parts.work).map_err(|_| {
             damaged("its machine tests tiles, but it has no words of its splats for this test")
         })?;
+        if machine.contribution.is_some() && !parts.work.has_masks() {
+            return Err(damaged("its machine tests blocks, but it has no masks"));
+        }
         Ok(Recording {
             scene: parts.scene,
             machine,

@@ -468,6 +468,63 @@ fn datapaths_without_records_give_the_results_of_their_graphs() {
     }
 }
 
+/// A test of blocks, in fixed and in floating point.
+#[test]
+fn a_contribution_test_gives_the_results_of_its_graph() {
+    if !have(&["iverilog"], "a contribution test") {
+        return;
+    }
+    let published = json!(Machine::named("flicker").unwrap().contribution);
+    let fixed = json!({
+        "block_px": 8, "leaders": "diagonal", "offset": "I15F6", "square": "U20F4",
+        "product": "I18F4", "conic": "U2F14", "conic_cross": "I3F14", "radial": "U8F6"
+    });
+    for words in [published, fixed] {
+        let machine = machine("gaussian", &[ONE_LANE, &format!("contribution={words}")]);
+        let elaborated = splatsim::hardware::fixed::elaborate(&machine).unwrap();
+        let unit = elaborated.contribution().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        copied(folder.path());
+        let scene = rtl::usual_scene(&machine).unwrap();
+        rtl::write(&scene, &machine, folder.path()).unwrap();
+        let datapaths = rtl_model::pipeline::rtl::datapaths(&elaborated);
+        let datapath = datapaths.last().unwrap();
+        assert_eq!(datapath.name, "contribution_datapath");
+        let far = i64::from(unit.block_px()) - 1;
+        let one = |word: rtl_model::num::Word| word.format.one();
+        let (pixel, conic) = (machine.project.pixel, machine.ellipse.conic);
+        let items: Vec<Vec<i64>> = (0..600i64)
+            .map(|nth| {
+                let part =
+                    |salt: i64, most: i64| (nth * 7919 + salt * 104_729) % 9973 * most / 9973;
+                let [left, top] = [part(1, 40), part(2, 40)].map(|at| at * (far + 1));
+                let near = |at: i64, salt: i64| {
+                    (at + far - 60) * one(pixel) + part(salt, 24 * one(pixel)) - 12 * one(pixel)
+                };
+                let [xx, yy] = [
+                    part(5, 2 * one(conic)) >> (nth % 9),
+                    part(6, one(conic)) >> (nth % 7),
+                ];
+                vec![
+                    near(left, 3),
+                    near(top, 4),
+                    xx,
+                    part(7, xx.min(yy) + 1) / 2,
+                    yy,
+                    part(8, 9 * one(machine.raster.cutoff)),
+                    left,
+                    left + far,
+                    top,
+                    top + far,
+                    119,
+                    119,
+                ]
+            })
+            .collect();
+        assert_eq!(differs(folder.path(), datapath, unit.graph(), &items), None);
+    }
+}
+
 /// A folder has the units of one machine, and what others put there.
 #[test]
 fn units_of_an_earlier_machine_are_removed() {

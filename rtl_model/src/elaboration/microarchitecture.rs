@@ -81,6 +81,7 @@ impl Microarchitecture {
     pub fn same_lists_as(&self, other: &Self, preshaded: bool) -> bool {
         let behind = [
             unit::LIST,
+            unit::CONTRIBUTION,
             unit::RASTER,
             unit::GAUSS,
             unit::FRAGMENT,
@@ -90,6 +91,7 @@ impl Microarchitecture {
         let lifted = |of: &Self| of.lifted.filter(|name| !is_behind(name));
         let before = |of: &Self| {
             let Microarchitecture {
+                contribution,
                 raster,
                 gauss,
                 cache,
@@ -118,6 +120,7 @@ impl Microarchitecture {
                 ..of.clone()
             };
             Microarchitecture {
+                contribution,
                 raster,
                 gauss,
                 cache,
@@ -138,11 +141,15 @@ impl Microarchitecture {
 
     /// Masks of the entries of lists, if they have any.
     pub fn masks(&self) -> Option<Masks> {
-        self.bin.and_then(|bin| bin.masks)
+        let of_bin = self.bin.and_then(|bin| bin.masks);
+        of_bin.or(self.contribution.and_then(|blocks| blocks.masks))
     }
 
-    /// Masks that `list` makes, and their latency.
+    /// Masks that `list` makes, or that the contribution test makes for it, and their latency.
     pub fn masks_of_list(&self) -> Option<(Masks, u32)> {
+        if let Some(blocks) = self.contribution {
+            return Some((blocks.masks?, blocks.latency));
+        }
         let masks = self.masks().filter(|masks| masks.made == MaskMaker::List)?;
         Some((masks, self.bin.and_then(|bin| bin.mask_latency)?))
     }
@@ -214,6 +221,9 @@ pub struct Microarchitecture {
     /// Tiles of a splat's box that `bin` lists per cycle.
     #[serde(skip_serializing_if = "is_one")]
     pub tiles_per_cycle: u32,
+    /// The test of blocks of pixels, if the machine has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contribution: Option<ContributionShape>,
     /// The sort by depth, if splats are sorted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sort: Option<SortShape>,
@@ -251,7 +261,7 @@ pub struct Microarchitecture {
     pub paths: Paths,
     /// Pipeline registers of each unit.
     #[serde(skip)]
-    pub pipelines: [Pipeline; 10],
+    pub pipelines: [Pipeline; 11],
     /// Buffered words and words kept on the chip.
     pub storage: Storage,
     /// The memory at this clock, with the values of its preset.
@@ -383,6 +393,19 @@ pub struct BinShape {
     pub mask_latency: Option<u32>,
 }
 
+/// A test of blocks of pixels, in front of the rasteriser of each engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct ContributionShape {
+    /// Masks of the entries of lists.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub masks: Option<Masks>,
+    /// Cycles from the record of a splat to its mask.
+    pub latency: u32,
+    /// Bits of a splat before the test.
+    #[serde(skip)]
+    pub bits: i32,
+}
+
 impl BinShape {
     /// Critical path: from a splat to its first entry.
     pub fn path(&self) -> Path {
@@ -441,6 +464,8 @@ pub struct Paths {
     pub project: Path,
     /// From a splat.
     pub ellipse: Path,
+    /// From the record of a splat to the mask of its blocks, if they are tested.
+    pub contribution: Path,
     /// From a splat to its colour, and products of it, by degree of harmonics from 1 on.
     pub colour: [Harmonics; 3],
     /// From a stamp.
@@ -546,6 +571,7 @@ impl Machine {
         e: &mut Elaboration,
         paths: &Paths,
         bin: Option<BinShape>,
+        blocks: Option<ContributionShape>,
     ) -> Microarchitecture {
         let memory = self.timing.memory.resolved(self.timing.clock_hz);
         let t = &Timing {
@@ -553,6 +579,17 @@ impl Machine {
             ..self.timing
         };
         check(t, e);
+        e.require(
+            self.contribution.is_none() || t.raster.row_cycles.unwrap_or(0) == 0,
+            || {
+                "timing.raster.row_cycles sets up rows of boxes, but contribution cuts boxes into runs: leave one of them out".into()
+            },
+        );
+        let given = t.contribution.and_then(|of| of.latency);
+        let contribution = blocks.map(|of| ContributionShape {
+            latency: given.unwrap_or(of.latency),
+            ..of
+        });
         let has_masks = self.bin.is_some_and(|bin| bin.subtile_px.is_some());
         e.require(!has_masks || t.raster.row_cycles.unwrap_or(0) == 0, || {
             "timing.raster.row_cycles sets up rows of boxes, but bin.subtile_px cuts boxes into runs: leave one of them out".into()
@@ -823,6 +860,15 @@ impl Machine {
                 };
                 Pipeline::new(unit::LIST, &pace, engines, bits.map(i64::from))
             }),
+            contribution.map_or(NO_TEST, |ContributionShape { latency, bits, .. }| {
+                let pace = Pace {
+                    units: 1,
+                    latency,
+                    interval: 1,
+                    fifo: 0,
+                };
+                Pipeline::new(unit::CONTRIBUTION, &pace, engines, [i64::from(bits); 2])
+            }),
             Pipeline::new(
                 unit::RASTER,
                 &raster,
@@ -881,6 +927,7 @@ impl Machine {
             paths: *paths,
             pipelines,
             bin,
+            contribution,
             sort,
             lights_setup: f.group != Group::First,
             splat_bytes: bytes(splat + axes),
@@ -1269,6 +1316,11 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Ela
             "colour.latency",
             t.colour.and_then(|colour| colour.latency),
             colour,
+        ),
+        (
+            "contribution.latency",
+            t.contribution.and_then(|of| of.latency),
+            Some(paths.contribution),
         ),
         ("raster.latency", t.raster.latency, Some(paths.raster)),
         ("gauss.latency", t.gauss.latency, Some(paths.gauss)),

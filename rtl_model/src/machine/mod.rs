@@ -33,6 +33,9 @@ pub struct Machine {
     /// Sort by depth. Left out: splats stay in input order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sort: Option<Sort>,
+    /// Contribution test of blocks of pixels. Left out: every block of a splat's box is drawn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contribution: Option<Contribution>,
     /// Forward differencing: ellipse → fragments.
     pub raster: Raster,
     /// Radial index → weight.
@@ -305,6 +308,51 @@ pub enum MaskMaker {
     Bin,
     /// In `list`, when the record of an entry has arrived: entries in memory have no mask.
     List,
+}
+
+/// Which pixels of a block are evaluated by the contribution test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Leaders {
+    /// The four corner pixels.
+    Corners,
+    /// The first pixel of the block and the last one.
+    Diagonal,
+}
+
+impl Leaders {
+    /// Leader pixels of a block.
+    pub const fn count(self) -> u32 {
+        match self {
+            Leaders::Corners => 4,
+            Leaders::Diagonal => 2,
+        }
+    }
+}
+
+/// Formats of the unit `contribution`: the test of blocks of pixels by r at a few of their pixels,
+/// the leaders. The rasteriser passes over a block if r is at or above the Gaussian's cutoff at all
+/// of its leaders. The test changes the picture: a small Gaussian between leaders is lost. Only for
+/// machines that draw Gaussians.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Contribution {
+    /// Side of a block: 4 or 8 pixels. Blocks are aligned to the picture.
+    pub block_px: u32,
+    /// Leader pixels of a block.
+    pub leaders: Leaders,
+    /// Leader minus centre, pixels.
+    pub offset: Word,
+    /// dx² and dy².
+    pub square: Word,
+    /// dx·dy.
+    pub product: Word,
+    /// Q00 and Q11.
+    pub conic: Word,
+    /// Q01.
+    pub conic_cross: Word,
+    /// r at a leader.
+    pub radial: Word,
 }
 
 /// How r comes to each pixel of the box.

@@ -122,6 +122,7 @@ fn reference() -> Machine {
         colour: None,
         bin: None,
         sort: None,
+        contribution: None,
         raster: Raster {
             rows: Rows::Differenced,
             cutoff: unsigned(5, 16),
@@ -271,6 +272,7 @@ fn lean() -> Machine {
         colour: None,
         bin: None,
         sort: None,
+        contribution: None,
         raster: Raster {
             rows: Rows::Seeded,
             cutoff: unsigned(5, 10),
@@ -403,6 +405,7 @@ fn tiny() -> Machine {
         colour: None,
         bin: None,
         sort: None,
+        contribution: None,
         raster: Raster {
             rows: Rows::Seeded,
             cutoff: unsigned(5, 4),

@@ -5,14 +5,14 @@
 
 use super::named::{fp16, gaussian, signed, unsigned};
 use super::timing::{
-    DEFAULT, Fetch, Memory, Organisation, Preset, Raster as RasterTiming, Setup, Sorter,
-    Technology, Tile, Timing,
+    Contribution as ContributionTiming, DEFAULT, Fetch, Memory, Organisation, Preset,
+    Raster as RasterTiming, Setup, Sorter, Technology, Tile, Timing,
 };
 use super::{
-    Bin, BinTest, Ellipse, Fragment, Gauss, Interpolation, Machine, MaskMaker, Project, Raster,
-    Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat, TableShape,
+    Bin, BinTest, Contribution, Ellipse, Fragment, Gauss, Interpolation, Leaders, Machine,
+    MaskMaker, Project, Raster, Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat, TableShape,
 };
-use crate::num::{Overflow, Rounding, Word};
+use crate::num::{Format, Overflow, Rounding, Word};
 
 impl Machine {
     /// Names of the machines that others published.
@@ -117,8 +117,9 @@ pub(super) fn gscore() -> Machine {
     }
 }
 
-/// FLICKER (DATE 2026): four cores with a setup unit, a sorter, a test of subtiles of 4 pixels and
-/// eight pixels per cycle each. The subtiles are tested exactly, not by a few of their pixels.
+/// FLICKER (DATE 2026): four cores with a setup unit, a sorter, a contribution test of blocks of 4
+/// pixels and eight pixels per cycle each. The test evaluates eight leader pixels per cycle, in
+/// words of 8 bits behind differences of 16 bits.
 pub(super) fn flicker() -> Machine {
     let base = sorted(tested_half(), SortKind::Tile);
     let gscore = gscore().timing;
@@ -126,10 +127,18 @@ pub(super) fn flicker() -> Machine {
         name: "flicker".into(),
         bin: Some(Bin {
             test: BinTest::OrientedBox,
-            subtile_px: Some(4),
-            masks: Some(MaskMaker::List),
-            mask_tests: Some(2),
             tiles_per_cycle: Some(4),
+            ..Bin::default()
+        }),
+        contribution: Some(Contribution {
+            block_px: 4,
+            leaders: Leaders::Corners,
+            offset: float(signed(15, 12), 11),
+            square: float(unsigned(20, 11), 4),
+            product: float(signed(20, 12), 3),
+            conic: float(unsigned(2, 24), 4),
+            conic_cross: float(signed(3, 23), 3),
+            radial: float(unsigned(6, 14), 4),
         }),
         timing: Timing {
             sort: gscore.sort.map(|sorter| Sorter {
@@ -140,10 +149,22 @@ pub(super) fn flicker() -> Machine {
                 lanes: [4, 2],
                 ..gscore.raster
             },
+            contribution: Some(ContributionTiming {
+                blocks: 2,
+                latency: None,
+            }),
             ..gscore
         },
         ..base
     }
+}
+
+/// A word that keeps this many significant bits.
+const fn float(word: Word, significant_bits: i32) -> Word {
+    Word::new(Format {
+        significant_bits,
+        ..word.format
+    })
 }
 
 /// The chip of NYCU (TVCG 2026), of which only an abstract is known: one core at 800 MHz, lists

@@ -131,6 +131,10 @@ pub struct Timing {
     /// out there, one with the default sizes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sort: Option<Sorter>,
+    /// Contribution test, on a machine with the unit `contribution`; left out there, one block per
+    /// cycle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contribution: Option<Contribution>,
     /// Ellipse → fragments.
     pub raster: Raster,
     /// Radial index → weight.
@@ -195,6 +199,28 @@ pub struct Setup {
     pub multipliers: Option<u32>,
     /// Places of the FIFO behind it, results.
     pub fifo: u32,
+}
+
+/// The contribution test, in front of the rasteriser of each engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "ContributionTiming")]
+#[serde(deny_unknown_fields, default)]
+pub struct Contribution {
+    /// Blocks that are tested per cycle, 1 to 16. Each has its own arithmetic for all of its
+    /// leaders.
+    pub blocks: u32,
+    /// Cycles from the record of a splat to its mask; left out, the least that the clock allows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latency: Option<u32>,
+}
+
+impl Default for Contribution {
+    fn default() -> Self {
+        Contribution {
+            blocks: 1,
+            latency: None,
+        }
+    }
 }
 
 /// The colour unit.
@@ -786,6 +812,7 @@ pub const DEFAULT: Timing = Timing {
     },
     colour: None,
     sort: None,
+    contribution: None,
     raster: Raster {
         lanes: [4, 1],
         row_cycles: None,

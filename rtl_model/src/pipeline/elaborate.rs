@@ -7,10 +7,10 @@ use super::discs::Discs;
 use crate::elaboration::latency::Path;
 use crate::elaboration::masks::{MOST_TILES_PER_CYCLE, Masks};
 use crate::elaboration::microarchitecture::{
-    BinShape, BinWords, Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS,
+    BinShape, BinWords, ContributionShape, Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS,
 };
 use crate::elaboration::{Elaboration, Operator, Part, Signal};
-use crate::frame::{Frame, Kernel, View};
+use crate::frame::{Each, Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::timing::Organisation;
 use crate::machine::{Group, MOST_TILE_BITS, Machine, SortKind};
@@ -18,7 +18,9 @@ use crate::num::{Fit, Format, MAX_WIDTH_BITS};
 use crate::records::unit;
 use crate::units::fragment::FragmentRegisters;
 use crate::units::fragment::window::WindowRegisters;
-use crate::units::{colour, ellipse, fragment, gauss, project, raster, resolve, shade};
+use crate::units::{
+    colour, contribution, ellipse, fragment, gauss, project, raster, resolve, shade,
+};
 
 /// Bits of a column or row of tiles: a picture has up to 2^14 pixels, and tiles have 4 or more.
 const TILE_BITS: i32 = 12;
@@ -42,6 +44,8 @@ pub struct Elaborated {
     pub(crate) sort: Option<Fit>,
     /// The light of a splat that is lit before it is drawn, as its record has colours.
     pub(crate) emission: Fit,
+    /// Test of blocks of pixels, if the machine has one.
+    pub(crate) contribution: Option<contribution::Contribution>,
     pub(crate) raster: raster::Raster,
     pub(crate) gauss: gauss::Gauss,
     /// At most l fragments a pixel.
@@ -91,6 +95,23 @@ impl Elaborated {
         self.ellipse.box_cutoff(view, kernel, opacity)
     }
 
+    /// The cutoff (`raster.cutoff`) that the contribution test compares r of a splat with; none if
+    /// the frame's blocks are not tested.
+    pub fn contribution_cutoff(&self, frame: &Frame, splat: usize) -> Option<i64> {
+        self.tests_blocks(frame)?;
+        let whole = self.raster.cutoff(frame.view.cutoff);
+        let kernel = &frame.ellipsoids.as_ref()?.kernel;
+        let own = self.box_cutoff(&frame.view, kernel, frame.splats[splat].opacity);
+        Some(own.min(whole))
+    }
+
+    /// The contribution test, if the frame's splats are Gaussians and the machine has one.
+    pub fn tests_blocks(&self, frame: &Frame) -> Option<&contribution::Contribution> {
+        let sheets = frame.sheets.as_ref()?;
+        frame.ellipsoids.as_ref()?;
+        (self.contribution.as_ref()).filter(|_| sheets.each == Each::Splat)
+    }
+
     /// The constant 1/2π as `ellipse` holds it (`ellipse.inverse_two_pi`).
     pub fn inverse_two_pi(&self) -> i64 {
         self.ellipse.inverse_two_pi()
@@ -99,6 +120,11 @@ impl Elaborated {
     /// Harmonics → colour, if the machine evaluates them.
     pub fn colour(&self) -> Option<&colour::Colour> {
         self.colour.as_ref()
+    }
+
+    /// Test of blocks of pixels, if the machine has one.
+    pub fn contribution(&self) -> Option<&contribution::Contribution> {
+        self.contribution.as_ref()
     }
 
     /// Registers of windows; none where fragments are grouped otherwise.
@@ -145,6 +171,7 @@ impl Machine {
             ellipse.inverse_two_pi(),
         );
         let sort = self.elaborate_sort(e);
+        let contribution = contribution::Contribution::new(e, self);
         let raster = raster::Raster::new(e, self);
         let gauss = e.per_lane(|e| gauss::Gauss::new(e, self));
         let fragment = fragment::Fragment::new(e, self, raster::Raster::depth_exact(self));
@@ -163,11 +190,20 @@ impl Machine {
                 disc.path()
             },
             gauss: gauss.graph().path(),
+            contribution: (contribution.as_ref()).map_or(Path::default(), |unit| unit.path(self)),
             // A step per layer.
             resolve: resolve.layer_path().times(self.fragment.layers),
             ..self.paths(resolve.layer_path())
         };
-        let timing = self.elaborate_timing(e, &paths, bin);
+        let blocks = contribution.as_ref().map(|unit| {
+            let path = unit.path(self);
+            ContributionShape {
+                masks: Masks::of(self),
+                latency: path.cycles_at(&self.timing).max(1),
+                bits: contribution::splat_bits(self),
+            }
+        });
+        let timing = self.elaborate_timing(e, &paths, bin, blocks);
         let elaborated = Elaborated {
             discs,
             project,
@@ -180,6 +216,7 @@ impl Machine {
             shade,
             resolve,
             emission,
+            contribution,
             timing,
             records_choices: false,
             machine: self.clone(),
@@ -201,7 +238,8 @@ impl Machine {
         e.require(self.timing.organisation == Organisation::Binned, || {
             "timing.organisation is immediate, but bin.test tests tiles, and only a binned machine has lists of tiles: leave `bin` out, or use binned".into()
         });
-        let masks = Masks::of(self);
+        // A contribution test makes those of a machine that has one.
+        let masks = Masks::of(self).filter(|_| self.contribution.is_none());
         let engines = self.timing.engines.unwrap_or(1).clamp(1, 64);
         words.declare(masks, [self.tiles_per_cycle(), engines], e);
         let cycles = |path: Path| path.cycles_at(&self.timing).max(1);

@@ -1,6 +1,7 @@
 //! Fill: the second half of the pipeline, tile by tile: raster, gauss, fragment, shade and resolve.
 
 use super::blend::Blender;
+use super::blocks;
 use super::merges::{Merges, Waiting};
 use super::set_up::Emission;
 use super::shading::{ShadeEight, input_of, layer_of, lit_layer, shade_for_merge, shade_slot};
@@ -75,8 +76,10 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
         .as_ref()
         .map(|sheets| machine.fragment.sheets(sheets));
     let windows = machine.windows(frame);
+    let tests_blocks = machine.tests_blocks(frame).is_some();
     let is_short = SIMPLE_FITS
         && frame.window.is_none()
+        && !tests_blocks
         && machine
             .raster
             .is_short(machine.raster.cutoff(frame.view.cutoff))
@@ -112,6 +115,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
             sheets: sheets.as_ref(),
             windows: windows.as_ref(),
             is_short,
+            tests_blocks,
             is_lit_by_eight,
         };
         let part = TileEntries {
@@ -139,6 +143,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
             resolve,
             waiting,
             clusters,
+            masks: Vec::new(),
             probe,
         });
         if let Some(ranges) = run.probe.resample(nth, touched.len()) {
@@ -235,6 +240,8 @@ pub(super) struct Shared<'a> {
     windows: Option<&'a WindowRegisters>,
     /// Whether raster, gauss and fragment may use words of 32 bits.
     is_short: bool,
+    /// Whether blocks of pixels are tested.
+    tests_blocks: bool,
     /// Whether fragments, including merged ones, may be shaded in batches of eight.
     pub is_lit_by_eight: bool,
 }
@@ -353,6 +360,8 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     resolve: &'a mut Blender,
     waiting: Waiting,
     clusters: Option<&'a mut Clusters>,
+    /// Of each of the next splats which blocks of the tile are kept; empty if blocks are not tested.
+    masks: Vec<u16>,
     probe: &'a mut P,
 }
 
@@ -375,6 +384,7 @@ fn resample_tile(shared: Shared, part: TileEntries, probe: &mut Ranges) {
         resolve,
         waiting: Waiting::default(),
         clusters,
+        masks: Vec::new(),
         probe,
     });
 }
@@ -391,7 +401,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel
         let mut span = raster::Span::default();
         let mut rows = ShortRows::default();
         // Local copies, so that the compiler keeps the constants in registers.
-        let Elaborated { raster, gauss, .. } = self.shared.machine;
+        let machine = self.shared.machine;
+        let Elaborated { raster, gauss, .. } = machine;
         let units = &HostUnits {
             raster: raster.clone(),
             gauss: gauss.kernel().clone(),
@@ -399,6 +410,19 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel
         let Shared { setup, frame, .. } = self.shared;
         let entries = self.part.splats;
         let records: Vec<&SetupRecord> = entries.iter().map(|&entry| setup.splat(entry)).collect();
+        if self.shared.tests_blocks {
+            self.masks = blocks::kept(
+                self.host,
+                (machine, frame),
+                &records,
+                self.part.corner,
+                &mut *self.probe,
+            );
+            if P::WORK {
+                self.masks.iter().for_each(|mask| self.probe.blocks(*mask));
+            }
+            self.masks.reverse();
+        }
         let mut later = &records[..];
         for (splats, records) in entries
             .chunks(Self::AT_A_TIME)
@@ -506,6 +530,11 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
             };
             let (drawn, tap) = (&drawn[lane], &mut Tap::new(&mut *self.probe));
             raster.span::<V, P>(size_px, walks, lane, inputs[lane], cutoff, span, tap);
+            if let Some(mask) = self.masks.pop() {
+                span.retain(walks.first_pixel(lane), |pixel| {
+                    blocks::has(self.shared.machine, mask, pixel)
+                });
+            }
             if P::WORK {
                 let (rows, left) = walks.part(lane);
                 tap.probe.span(rows, left, span.all());

@@ -11,6 +11,7 @@
 //! Law: `threads_and_probes_change_no_bit`.
 
 mod blend;
+mod blocks;
 mod discs;
 mod elaborate;
 mod fill;

@@ -295,7 +295,7 @@ fn datapath<const OUTPUTS: usize>(
 }
 
 /// Graphs of units that keep a state, or have no records: what `resolve` does with a layer and at
-/// the end of a pixel, and the test of tiles, for a splat and for a tile.
+/// the end of a pixel, the test of tiles, for a splat and for a tile, and the test of a block.
 pub fn datapaths(elaborated: &Elaborated) -> Vec<Datapath> {
     let [layer, frame] = elaborated.resolve.graphs();
     let signals = &elaborated.signals[..];
@@ -341,6 +341,21 @@ pub fn datapaths(elaborated: &Elaborated) -> Vec<Datapath> {
             &e.signals,
             &[&CONIC, &BOUNDS, &SIDES],
             ["listed"],
+        ));
+    }
+    if let Some(unit) = &elaborated.contribution {
+        all.push(datapath(
+            "contribution",
+            unit.graph(),
+            signals,
+            &[
+                &["pixel_x", "pixel_y"],
+                &CONIC,
+                &["cutoff"],
+                &SIDES,
+                &["middle_x", "middle_y"],
+            ],
+            ["kept"],
         ));
     }
     all

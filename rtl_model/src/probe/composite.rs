@@ -137,6 +137,10 @@ impl Probe for Composite {
         Probe::span(&mut self.recorder, rows, left, places);
     }
 
+    fn blocks(&mut self, mask: u16) {
+        Probe::blocks(&mut self.recorder, mask);
+    }
+
     #[inline(always)]
     fn became(&mut self, decision: Option<Decision>) {
         Probe::became(&mut self.recorder, decision);

@@ -127,6 +127,9 @@ pub trait Probe: Send + Sync + Sized {
     /// these pixels: 16 · row + column.
     #[inline(always)]
     fn span(&mut self, _rows: usize, _left: usize, _places: &[u8]) {}
+    /// Blocks of the next splat's part of a tile that are kept, a bit each, by rows of the tile, the
+    /// first in the LSB.
+    fn blocks(&mut self, _mask: u16) {}
     /// Decision on the contribution to the next pixel; none if its weight rounds to 0.
     #[inline(always)]
     fn became(&mut self, _decision: Option<Decision>) {}

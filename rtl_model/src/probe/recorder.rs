@@ -44,6 +44,10 @@ impl Probe for Recorder {
         Recorder::span(self, rows, left, places);
     }
 
+    fn blocks(&mut self, mask: u16) {
+        Recorder::blocks(self, mask);
+    }
+
     #[inline(always)]
     fn became(&mut self, decision: Option<Decision>) {
         let event = match decision {

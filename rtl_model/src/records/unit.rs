@@ -14,6 +14,8 @@ pub const BIN: &str = "bin";
 pub const LIST: &str = "list";
 /// Sorts splats by depth.
 pub const SORT: &str = "sort";
+/// Tests blocks of pixels by r at a few of their pixels.
+pub const CONTRIBUTION: &str = "contribution";
 /// Ellipse → fragments.
 pub const RASTER: &str = "raster";
 /// Radial index → weight.
@@ -34,14 +36,37 @@ pub const ALL: [&str; 9] = [
 
 /// All units with parts. Fetch, where it walks trees, has no words; bin and list use those of
 /// raster.
-pub const BUILT: [&str; 13] = [
-    FETCH, PROJECT, ELLIPSE, COLOUR, BIN, SORT, LIST, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT,
+pub const BUILT: [&str; 14] = [
+    FETCH,
+    PROJECT,
+    ELLIPSE,
+    COLOUR,
+    BIN,
+    SORT,
+    LIST,
+    CONTRIBUTION,
+    RASTER,
+    GAUSS,
+    FRAGMENT,
+    SHADE,
+    REFLECT,
     RESOLVE,
 ];
 
-/// All units with words: those with ports, and reflect, which is inside shade and shares its ports.
-pub const WORDED: [&str; 10] = [
-    PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
+/// All units with words: those with ports; contribution, whose result is a mask; and reflect, which
+/// is inside shade and shares its ports.
+pub const WORDED: [&str; 11] = [
+    PROJECT,
+    ELLIPSE,
+    COLOUR,
+    SORT,
+    CONTRIBUTION,
+    RASTER,
+    GAUSS,
+    FRAGMENT,
+    SHADE,
+    REFLECT,
+    RESOLVE,
 ];
 
 /// `units`, with `first` in front.

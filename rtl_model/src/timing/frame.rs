@@ -23,7 +23,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 const SHAPES: usize = 2;
 
 /// What the lists of a machine follow from.
-type Shape = (u32, Option<(BinWords, Option<Masks>)>);
+type Shape = (u32, Option<BinWords>, Option<Masks>);
 
 /// A recorded frame.
 pub struct RecordedFrame<'w> {
@@ -67,10 +67,7 @@ impl<'w> RecordedFrame<'w> {
 
     /// Lists of a machine.
     pub(super) fn lists(&self, t: &Microarchitecture) -> Arc<Lists> {
-        let shape = (
-            t.timing.tile.side_px,
-            t.bin.map(|bin| (bin.words, bin.masks)),
-        );
+        let shape = (t.timing.tile.side_px, t.bin.map(|bin| bin.words), t.masks());
         // The lock is held while lists are built, so that two threads do not build the same ones.
         let mut kept = self.lists.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, lists)) = kept.iter().find(|(of, _)| *of == shape) {

@@ -3,6 +3,7 @@
 
 pub mod bin;
 pub mod colour;
+pub mod contribution;
 pub mod ellipse;
 pub mod fragment;
 pub mod gauss;

@@ -102,6 +102,11 @@ impl Walks {
         u64::from_le_bytes(places).wrapping_add(first).to_le_bytes()
     }
 
+    /// The part's first pixel in the square: 16 · row + column.
+    pub fn first_pixel(&self, lane: usize) -> u8 {
+        (self.first_pixel[lane] & 0xff) as u8
+    }
+
     /// Rows of a splat's box in the tile, and the tile's column at which the box begins.
     pub fn part(&self, lane: usize) -> (usize, usize) {
         (
@@ -206,6 +211,19 @@ impl Span {
     /// Places of all fragments, from the part's first pixel: 16 · row + column.
     pub fn all(&self) -> &[u8] {
         &self.place[..self.fragments]
+    }
+
+    /// Keeps the fragments whose pixels of the square are kept. Not inlined, so that it costs
+    /// machines nothing that test no blocks.
+    #[inline(never)]
+    pub fn retain(&mut self, first_pixel: u8, mut is_kept: impl FnMut(u8) -> bool) {
+        let mut kept = 0;
+        for nth in 0..self.fragments {
+            let place = self.place[nth];
+            self.place[kept] = place;
+            kept += usize::from(is_kept(place.wrapping_add(first_pixel)));
+        }
+        self.fragments = kept;
     }
 
     /// Places of eight fragments, from the part's first pixel: 16 · row + column.

@@ -149,6 +149,10 @@ pub struct Tile {
     /// In a frame with surroundings, the texel of each shaded fragment: for merges, event by event,
     /// then pixel by pixel.
     texels: Vec<u16>,
+    /// On a machine that tests blocks, splat by splat, which blocks of the tile are kept: a bit
+    /// each, by rows, the first in the LSB; else empty.
+    #[serde(skip)]
+    masks: Vec<u16>,
 }
 
 /// Instead of a texel: no look-up.
@@ -161,9 +165,14 @@ impl Tile {
     }
 
     fn bytes(&self) -> usize {
-        2 * (self.rows.len() + self.counts.len() + self.texels.len())
+        2 * (self.rows.len() + self.counts.len() + self.texels.len() + self.masks.len())
             + size_of::<(u8, Event)>() * self.events.len()
             + self.pixels.len()
+    }
+
+    /// Kept blocks of each splat.
+    pub fn masks(&self) -> &[u16] {
+        &self.masks
     }
 
     /// A reader at the start of the record.
@@ -282,6 +291,36 @@ pub struct Work {
 }
 
 impl Work {
+    /// Kept blocks of the splats of each tile, tile by tile; empty if blocks were not tested.
+    pub fn masks(&self) -> Vec<u16> {
+        let masks = self.tiles.iter().flat_map(|tile| &tile.masks);
+        masks.copied().collect()
+    }
+
+    /// Takes the masks of a record that was read.
+    ///
+    /// # Errors
+    /// The fault, as a part of a sentence.
+    pub fn take_masks(&mut self, masks: &[u16]) -> Result<(), String> {
+        let mut left = masks;
+        for tile in &mut self.tiles {
+            let (own, rest) = left
+                .split_at_checked(tile.counts.len())
+                .ok_or("its masks are not those of its tiles")?;
+            (tile.masks, left) = (own.to_vec(), rest);
+        }
+        if left.is_empty() {
+            Ok(())
+        } else {
+            Err("its masks are not those of its tiles".into())
+        }
+    }
+
+    /// Whether blocks were tested when the record was made.
+    pub fn has_masks(&self) -> bool {
+        self.footprints.is_empty() || self.tiles.iter().any(|tile| !tile.masks.is_empty())
+    }
+
     /// The drawn splats by tiles with this side: their indices in [`Work::footprints`].
     pub fn bins(&self, side_px: usize) -> Bins {
         let input = 0..if self.order.is_empty() {
@@ -404,6 +443,7 @@ struct TileRecorder {
     /// Texels of fragments; also of splats that are lit before they are drawn, in the recorder of
     /// their setup.
     texels: Vec<u16>,
+    masks: Vec<u16>,
 }
 
 /// Records the work of a frame, or of a part of it.
@@ -559,6 +599,11 @@ impl Recorder {
         self.now.counts.push(0);
     }
 
+    /// Which blocks of the next splat's part of the tile are kept.
+    pub fn blocks(&mut self, mask: u16) {
+        self.now.masks.push(mask);
+    }
+
     /// Decision on the contribution to the next pixel.
     #[inline(always)]
     pub fn became(&mut self, event: Event) {
@@ -605,6 +650,7 @@ impl Recorder {
             events,
             pixels,
             texels,
+            masks,
             ..
         } = &mut self.now;
         let texels = std::mem::take(texels);
@@ -615,6 +661,7 @@ impl Recorder {
             events: events.clone(),
             pixels: pixels.clone(),
             texels,
+            masks: std::mem::take(masks),
         };
         rows.clear();
         counts.clear();

@@ -1,6 +1,7 @@
 //! Which machines elaborate, which errors are reported for the others, and does every machine that
 //! elaborates draw every frame?
 
+mod blocks;
 mod drawing;
 mod elaboration;
 mod frames;

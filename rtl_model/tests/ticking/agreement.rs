@@ -697,6 +697,67 @@ fn masks_tick_as_they_are_replayed() {
     );
 }
 
+/// Tests of blocks in front of raster, with lists of all kinds.
+#[test]
+fn tests_of_blocks_tick_as_they_are_replayed() {
+    let (mut events, mut counts) = (EventCounts::default(), [0; 4]);
+    for (size, splats, cases) in [([60, 50], 40, 240), ([120, 100], 400, 60)] {
+        for seed in seeds(cases) {
+            let mut rng = Rng(seed);
+            let timing = of(Organisation::Binned, &mut rng);
+            let scene = scene::random_of(&mut rng, size, splats, [6, 20, 40, 60]);
+            let (scene, machine) = match seed % 4 {
+                0 => (scene, machines::testing_tiles(&mut rng, timing)),
+                1 => {
+                    let timing = machines::several(&mut rng, timing);
+                    (scene, machines::testing_tiles(&mut rng, timing))
+                }
+                2 => {
+                    let machine = machines::sorting(&mut rng, timing);
+                    (scene.sorted(&mut rng), machine)
+                }
+                _ => {
+                    let machine = machines::sorting_lists(&mut rng, timing);
+                    (scene.sorted(&mut rng), machine)
+                }
+            };
+            let machine = machines::with_blocks(&mut rng, machine);
+            let elaborated = machine.elaborate().expect("a machine").timing;
+            let (scene, words, cutoff) = match machine.bin {
+                Some(_) => scene.tested(&mut rng, &elaborated),
+                None => (scene, Vec::new(), 0),
+            };
+            let scene = scene.blocked(&mut rng, &elaborated);
+            let scene = if seed % 3 == 1 {
+                scene.stopping(&mut rng)
+            } else {
+                scene
+            };
+            let mut work = scene.record();
+            (work.tested, work.cutoff) = (words, cutoff);
+            let tests = replay(&elaborated, &work, Detail::Total).tile_tests;
+            let masks = tests.and_then(|tests| tests.masks).unwrap();
+            let own = [masks.tested, masks.set, masks.list_cycles, masks.seeds];
+            counts
+                .iter_mut()
+                .zip(own)
+                .for_each(|(all, own)| *all += own);
+            match compare(&elaborated, &scene, &work) {
+                Ok(ticked) => events.count(&ticked),
+                Err(difference) => panic!(
+                    "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
+                    machine.timing
+                ),
+            }
+        }
+    }
+    let [tested, set, ..] = counts;
+    assert!(
+        counts.iter().all(|count| *count > share_of(1000)) && set < tested,
+        "{counts:?}"
+    );
+}
+
 /// Compares machines that test tiles; returns the counts of their masks.
 fn compare_tests(with_masks: bool) -> MaskCounts {
     let (mut events, mut unlisted, mut tiles) = (EventCounts::default(), 0, 0);

@@ -21,7 +21,8 @@
 //! and ends directly above. Each rectangle except the first takes a cycle more, for its seed. An
 //! entry without a set subtile takes raster a cycle. `bin` or `list` tests the subtiles that the box
 //! touches, some of them in each cycle. `list` tests an entry when its record has arrived and the
-//! entry before is tested; raster can take the entry when its mask is ready.
+//! entry before is tested; raster can take the entry when its mask is ready. A contribution test
+//! does the same with the blocks that the box touches; its results are those of the record.
 //!
 //! Raster skips a stopped pixel from the cycle on in which the stamp that stopped it is written.
 //! When all pixels of a tile have stopped, list skips the rest of the tile in no time, and raster
@@ -35,6 +36,7 @@ use super::parts::{
 };
 use super::scene::{Scene, Splat};
 use super::sorters::{self, Sorters};
+use rtl_model::elaboration::masks::Masks;
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::machine::MaskMaker;
 use rtl_model::machine::timing::Queue;
@@ -72,6 +74,14 @@ fn part_in(timing: &Microarchitecture, splat: &Splat, corner: [usize; 2]) -> Rec
         .expect("two sides")
 }
 
+/// Masks of entries: of a test of tiles, or of blocks, which is in front of each engine's raster.
+fn masks_of(timing: &Microarchitecture) -> Option<Masks> {
+    match timing.contribution {
+        Some(blocks) => blocks.masks,
+        None => timing.bin.and_then(|bin| bin.masks),
+    }
+}
+
 /// Cycles of the tests of a splat in a tile, if masks are made there.
 fn mask_cycles(
     timing: &Microarchitecture,
@@ -79,7 +89,7 @@ fn mask_cycles(
     splat: &Splat,
     corner: [usize; 2],
 ) -> Option<u64> {
-    let masks = timing.bin?.masks.filter(|masks| masks.made == made)?;
+    let masks = masks_of(timing).filter(|masks| masks.made == made)?;
     let subtile = masks.subtile_px as usize;
     let [columns, rows] = part_in(timing, splat, corner);
     let touched: BTreeSet<[usize; 2]> = (columns[0]..=columns[1])
@@ -97,7 +107,7 @@ fn stamps_in(
     (tile, corner): (usize, [usize; 2]),
 ) -> VecDeque<Stamp> {
     let side = timing.timing.tile.side_px as usize;
-    let Some(masks) = timing.bin.and_then(|bin| bin.masks) else {
+    let Some(masks) = masks_of(timing) else {
         let last = corner.map(|at| at + side - 1);
         return stamps_of(timing, scene, place, [corner, last]);
     };
@@ -808,7 +818,10 @@ impl<'a> BinnedMachine<'a> {
 
     /// Begins the mask of the next entry, if its record has arrived and list makes masks.
     fn make_mask(&mut self, e: usize) {
-        let latency = self.timing.bin.and_then(|bin| bin.mask_latency);
+        let latency = match self.timing.contribution {
+            Some(blocks) => Some(blocks.latency),
+            None => self.timing.bin.and_then(|bin| bin.mask_latency),
+        };
         let now = self.now;
         let engine = &mut self.engines[e];
         let Some(&(here, number)) = engine.unmasked.front() else {

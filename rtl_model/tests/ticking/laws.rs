@@ -25,6 +25,7 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
         keys: Vec::new(),
         unlisted: Default::default(),
         masks: Default::default(),
+        blocks: None,
         mirrored: None,
     }
 }
@@ -382,6 +383,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         keys: Vec::new(),
         unlisted: Default::default(),
         masks: Default::default(),
+        blocks: None,
         mirrored: None,
     };
     let total = |outstanding: u32| {

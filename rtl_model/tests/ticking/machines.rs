@@ -6,10 +6,12 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
 use rtl_model::machine::timing::{
-    Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster,
-    Resolve, Setup, Shade, Sorter, Stage, Technology, Tile, Timing,
+    Cache, Colour, Contribution as ContributionTiming, DEFAULT, Environment, Fetch, Fragment,
+    Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Sorter, Stage, Technology, Tile,
+    Timing,
 };
-use rtl_model::machine::{Bin, BinTest, MaskMaker, SortKind};
+use rtl_model::machine::{Bin, BinTest, Contribution, Leaders, MaskMaker, SortKind};
+use rtl_model::num::Word;
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
 pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
@@ -126,6 +128,34 @@ pub fn with_masks(rng: &mut Rng, machine: Machine) -> Machine {
     bin.masks = [None, Some(MaskMaker::Bin), Some(MaskMaker::List)][rng.below(3) as usize];
     bin.mask_tests = (rng.below(3) > 0).then(|| 1 + rng.below(10) as u32);
     bin.tiles_per_cycle = (rng.below(2) > 0).then(|| 1 + rng.below(6) as u32);
+    machine
+}
+
+/// A machine with a test of blocks, in tiles of any size; some also test tiles.
+pub fn with_blocks(rng: &mut Rng, machine: Machine) -> Machine {
+    let mut machine = if rng.below(3) == 0 {
+        with_test(rng, machine)
+    } else {
+        machine
+    };
+    let word = |format: &str| Word::new(format.parse().unwrap());
+    let block_px = 4 << rng.below(2) as u32;
+    machine.contribution = Some(Contribution {
+        block_px,
+        leaders: [Leaders::Corners, Leaders::Diagonal][rng.below(2) as usize],
+        offset: word("I15F4"),
+        square: word("U20F4"),
+        product: word("I21F4"),
+        conic: word("U3F16"),
+        conic_cross: word("I4F16"),
+        radial: word("U8F8"),
+    });
+    machine.timing.tile.side_px = block_px * (1 + rng.below(8) as u32);
+    machine.timing.raster.row_cycles = None;
+    machine.timing.contribution = (rng.below(4) > 0).then(|| ContributionTiming {
+        blocks: 1 + rng.below(10) as u32,
+        latency: (rng.below(2) == 0).then(|| 1 + rng.below(9) as u32),
+    });
     machine
 }
 

@@ -76,6 +76,9 @@ pub struct Scene {
     pub unlisted: BTreeSet<(usize, usize)>,
     /// Masks of entries, by place of the splat and tile: a bit per subtile, by rows.
     pub masks: BTreeMap<(usize, usize), u64>,
+    /// Side of a block in pixels, and the blocks that each place of a splat keeps: column and row of
+    /// blocks of the picture. None if blocks are not tested.
+    pub blocks: Option<(usize, BTreeSet<(usize, [usize; 2])>)>,
     /// Texels per side of the map of reflected surroundings.
     pub mirrored: Option<usize>,
 }
@@ -183,6 +186,7 @@ pub fn random_of(
         keys: Vec::new(),
         unlisted: BTreeSet::new(),
         masks: BTreeMap::new(),
+        blocks: None,
         mirrored: None,
     };
     scene.clear_untouched();
@@ -333,6 +337,11 @@ impl Scene {
         rng: &mut Rng,
         timing: &Microarchitecture,
     ) -> (Self, Vec<TestedWords>, i64) {
+        // Blocks are tested later.
+        let timing = &Microarchitecture {
+            contribution: None,
+            ..timing.clone()
+        };
         let words = timing.bin.expect("a test").words;
         let one = |word: rtl_model::num::Word| f64::from(word.format.frac_bits).exp2();
         let drawn = self.drawn();
@@ -406,6 +415,48 @@ impl Scene {
             }
         }
         (self, tested, cutoff)
+    }
+
+    /// The scene on a machine that tests blocks: a part of the blocks of each box is kept, the
+    /// others have no pixel.
+    pub fn blocked(mut self, rng: &mut Rng, timing: &Microarchitecture) -> Self {
+        let masks = timing
+            .contribution
+            .and_then(|blocks| blocks.masks)
+            .expect("a test");
+        let [side, tile] = [masks.subtile_px, timing.timing.tile.side_px].map(|px| px as usize);
+        let (across, columns) = (tile / side, (self.width as usize).div_ceil(tile));
+        let mut kept = BTreeSet::new();
+        for place in self.drawn() {
+            let share = [0, 30, 60, 90, 100][rng.below(5) as usize];
+            let splat = &mut self.splats[place];
+            let [xs, ys] = [splat.columns, splat.rows]
+                .map(|[first, last]| usize::from(first) / side..=usize::from(last) / side);
+            for y in ys {
+                for x in xs.clone() {
+                    let mask = self.masks.entry((place, y / across * columns + x / across));
+                    let mask = mask.or_insert(0);
+                    if rng.below(100) < share {
+                        kept.insert((place, [x, y]));
+                        *mask |= 1 << (y % across * across + x % across);
+                    }
+                }
+            }
+            let [width, _] = splat.size();
+            for (pixel, event) in splat.pixels.iter_mut().enumerate() {
+                let at = [
+                    usize::from(splat.columns[0]) + pixel % width,
+                    usize::from(splat.rows[0]) + pixel / width,
+                ];
+                if !kept.contains(&(place, at.map(|at| at / side))) {
+                    *event = None;
+                }
+            }
+        }
+        Scene {
+            blocks: Some((side, kept)),
+            ..self
+        }
     }
 
     /// Places of the drawn splats, in submission order.
@@ -516,6 +567,15 @@ impl Scene {
                         }
                     }
                     recorder.span(rows.len(), columns.start, &places);
+                    if let Some((side, kept)) = &self.blocks {
+                        let across = TILE_PX / side;
+                        let first = [left, top].map(|at| usize::from(at) / side);
+                        let bits = (0..across * across).filter(|bit| {
+                            let block = [first[0] + bit % across, first[1] + bit / across];
+                            kept.contains(&(place, block))
+                        });
+                        recorder.blocks(bits.map(|bit| 1u16 << bit).sum());
+                    }
                     for (event, pixel) in events {
                         if let Event::Merged(shades) = event {
                             self.record_texels(
@@ -651,6 +711,7 @@ impl Scene {
             keys,
             unlisted: BTreeSet::new(),
             masks: BTreeMap::new(),
+            blocks: None,
             mirrored: None,
         }
     }

@@ -136,3 +136,30 @@ fn nan_violates_every_bound() {
         (1, 1, Some(0.0))
     );
 }
+
+/// The machine keeps blocks, or passes over them, by other leaders.
+#[test]
+fn another_test_of_blocks_causes_unexplained_flips() {
+    let size = Some((48, 40));
+    let scene = Scene::load("bouquet", &Overrides { size }).unwrap();
+    let words = r#"{"block_px": 4, "leaders": "corners", "offset": "I15F10", "square": "U18F8", "product": "I18F8", "conic": "U2F20", "conic_cross": "I3F20", "radial": "U18F12"}"#;
+    let tested = format!("contribution={words}");
+    let built = |settings: &[&str]| {
+        let settings: Vec<String> = [&tested[..]]
+            .iter()
+            .chain(settings)
+            .map(|s| (*s).to_owned())
+            .collect();
+        fixed::elaborate(&machines::load("gaussian", &settings).unwrap()).unwrap()
+    };
+    let claimed = built(&[]);
+    let quantised = quantise(&scene, &claimed.machine).unwrap();
+    let flips = |drawn: &Elaborated| {
+        draw_against(&scene, drawn, &claimed, &quantised, CheckedTiles::All).flips
+    };
+    assert_eq!(flips(&claimed).unexplained, 0);
+    for setting in ["contribution.leaders=diagonal", "contribution.block_px=8"] {
+        let flips = flips(&built(&[setting]));
+        assert!(flips.unexplained > 20, "{setting}: {flips:?}");
+    }
+}

@@ -22,21 +22,21 @@ use crate::num::LANES;
 use crate::probe::NoProbe;
 use crate::timing::stamps::Stamps;
 use crate::units::bin::{self, SPLAT_INPUTS, SPLAT_OUTPUTS, TILE_INPUTS};
-use crate::work::{Bins, Footprint, TestedWords, Work, each_tile};
+use crate::work::{Bins, Footprint, TILE_PX, TestedWords, Work, each_tile};
 use std::ops::Deref;
 
 /// The lists of all tiles.
 pub struct Lists {
     listed: Bins,
+    side_px: usize,
     tested: Option<Tested>,
+    masks: Option<EntryMasks>,
 }
 
 /// Tiles of boxes before the test, and its results.
 struct Tested {
     boxes: Bins,
-    side_px: usize,
     results: Results,
-    masks: Option<EntryMasks>,
 }
 
 /// By splat, and by rows of the tiles of its box: whether it is listed.
@@ -99,9 +99,12 @@ impl Lists {
         let shape = timing
             .bin
             .filter(|_| work.tested.len() == work.footprints.len());
+        let blocks = timing.contribution.and_then(|blocks| blocks.masks);
         let Some(shape) = shape else {
             return Lists {
+                masks: blocks.map(|shape| EntryMasks::recorded(shape, work, &boxes, side_px)),
                 listed: boxes,
+                side_px,
                 tested: None,
             };
         };
@@ -126,38 +129,32 @@ impl Lists {
             masks,
         });
         Lists {
+            masks: masks.or_else(|| Some(EntryMasks::recorded(blocks?, work, &listed, side_px))),
             listed,
-            tested: Some(Tested {
-                boxes,
-                side_px,
-                results,
-                masks,
-            }),
+            side_px,
+            tested: Some(Tested { boxes, results }),
         }
     }
 
     /// Counts of the tests, if the machine has any; those of masks are completed by the replay.
     pub fn tests(&self) -> Option<TileTests> {
-        self.tested.as_ref().map(|tested| TileTests {
-            tiles: tested.boxes.entries() as u64,
+        let masks = self.masks.as_ref().map(|masks| MaskCounts {
+            tested: masks.tested,
+            set: masks.set,
+            list_cycles: 0,
+            seeds: 0,
+        });
+        (self.tested.is_some() || masks.is_some()).then(|| TileTests {
+            tiles: self.boxes().entries() as u64,
             entries: self.entries() as u64,
-            masks: tested.masks.as_ref().map(|masks| MaskCounts {
-                tested: masks.tested,
-                set: masks.set,
-                list_cycles: 0,
-                seeds: 0,
-            }),
+            masks,
         })
     }
 
     /// The mask of an entry, by its tile and its place in the list; all bits without masks.
     #[inline(always)]
     pub fn mask(&self, tile: usize, place: usize) -> u64 {
-        let masks = self
-            .tested
-            .as_ref()
-            .and_then(|tested| tested.masks.as_ref());
-        masks.map_or(u64::MAX, |masks| {
+        self.masks.as_ref().map_or(u64::MAX, |masks| {
             masks.masks[self.listed.first(tile) + place]
         })
     }
@@ -165,24 +162,21 @@ impl Lists {
     /// Cycles of `bin` for a tile of a box.
     #[inline(always)]
     pub fn test_cycles(&self, footprint: &Footprint, tile: usize) -> u64 {
-        let masks = self
-            .tested
+        self.masks
             .as_ref()
-            .and_then(|tested| tested.masks.as_ref());
-        masks.map_or(1, |masks| match masks.shape.made {
-            MaskMaker::Bin => {
-                let subtiles = self.subtiles(&masks.shape, footprint, tile);
-                masks.shape.cycles(subtiles)
-            }
-            MaskMaker::List => 1,
-        })
+            .map_or(1, |masks| match masks.shape.made {
+                MaskMaker::Bin => {
+                    let subtiles = self.subtiles(&masks.shape, footprint, tile);
+                    masks.shape.cycles(subtiles)
+                }
+                MaskMaker::List => 1,
+            })
     }
 
     /// Subtiles of a tile that the box of a splat touches.
     pub fn subtiles(&self, masks: &Masks, footprint: &Footprint, tile: usize) -> u64 {
-        let Some(tested) = &self.tested else { return 0 };
         let at = [tile % self.columns, tile / self.columns];
-        let [columns, rows] = part(footprint, tested.side_px, at)
+        let [columns, rows] = part(footprint, self.side_px, at)
             .map(|side| side.map(|pixel| pixel as u64 / u64::from(masks.subtile_px)));
         (columns[1] - columns[0] + 1) * (rows[1] - rows[0] + 1)
     }
@@ -235,11 +229,54 @@ impl Lists {
             let boxes = tested.boxes.of(tile);
             while boxes[place] != entry {
                 let footprint = &work.footprints[boxes[place] as usize];
-                walk.skip(footprint, corner, tested.side_px as u32);
+                walk.skip(footprint, corner, self.side_px as u32);
                 place += 1;
             }
         }
         place + 1
+    }
+}
+
+impl EntryMasks {
+    /// Masks of blocks, as they were recorded by tiles of 16 pixels. A record without them has all
+    /// blocks of a box.
+    fn recorded(shape: Masks, work: &Work, listed: &Bins, side_px: usize) -> Self {
+        let places = Results::places(work);
+        let across = TILE_PX / shape.subtile_px as usize;
+        let mut recorded = vec![u16::MAX; places.last().copied().unwrap_or_default()];
+        let boxes = work.bins(TILE_PX);
+        let tiles = (0..boxes.tiles()).filter(|tile| !boxes.of(*tile).is_empty());
+        for (tile, record) in tiles.zip(&work.tiles) {
+            let at = [tile % boxes.columns, tile / boxes.columns];
+            for (nth, mask) in boxes.of(tile).iter().zip(record.masks()) {
+                let footprint = &work.footprints[*nth as usize];
+                recorded[place(places[*nth as usize], footprint, TILE_PX, at)] = *mask;
+            }
+        }
+        let mut masks = Vec::with_capacity(listed.entries());
+        for tile in 0..listed.tiles() {
+            let at = [tile % listed.columns, tile / listed.columns];
+            let own = shape.across() as usize;
+            for nth in listed.of(tile) {
+                let footprint = &work.footprints[*nth as usize];
+                let part = part(footprint, side_px, at);
+                let bits = subtiles(&shape, part).filter(|(bit, _)| {
+                    let bit = *bit as usize;
+                    let block = [at[0] * own + bit % own, at[1] * own + bit / own];
+                    let of = block.map(|block| block / across);
+                    let [x, y] = block.map(|block| block % across);
+                    let mask = recorded[place(places[*nth as usize], footprint, TILE_PX, of)];
+                    usize::from(mask) & 1 << (y * across + x) != 0
+                });
+                masks.push(bits.fold(0, |mask, (bit, _)| mask | 1u64 << bit));
+            }
+        }
+        EntryMasks {
+            shape,
+            tested: 0,
+            set: masks.iter().map(|mask| u64::from(mask.count_ones())).sum(),
+            masks,
+        }
     }
 }
 
@@ -336,11 +373,28 @@ impl Results {
 
     /// Place of the result of the nth splat in the tile in this column and row.
     fn place(&self, nth: u32, footprint: &Footprint, side_px: usize, [x, y]: [usize; 2]) -> usize {
-        let [[left, right], [top, _]] = footprint
-            .sides()
-            .map(|side| side.map(|pixel| usize::from(pixel) / side_px));
-        self.starts[nth as usize] + (y - top) * (right - left + 1) + x - left
+        place(self.starts[nth as usize], footprint, side_px, [x, y])
     }
+
+    /// Place of the first recorded tile of each splat, and of the end.
+    fn places(work: &Work) -> Vec<usize> {
+        let mut places = vec![0];
+        for footprint in &work.footprints {
+            let [columns, rows] = footprint.sides().map(|[first, last]| {
+                usize::from(last) / TILE_PX - usize::from(first) / TILE_PX + 1
+            });
+            places.push(places.last().copied().unwrap_or_default() + columns * rows);
+        }
+        places
+    }
+}
+
+/// Place of the tile in this column and row among those of a box, by rows, after those before it.
+fn place(first: usize, footprint: &Footprint, side_px: usize, [x, y]: [usize; 2]) -> usize {
+    let [[left, right], [top, _]] = footprint
+        .sides()
+        .map(|side| side.map(|pixel| usize::from(pixel) / side_px));
+    first + (y - top) * (right - left + 1) + x - left
 }
 
 /// The subtiles that a part of a tile touches: the bit of each, and the part in it.

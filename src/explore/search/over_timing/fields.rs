@@ -28,7 +28,7 @@ pub struct SearchedField {
 }
 
 /// Fields and values by default. Those that the machine's schema lacks are left out.
-const FIELDS: [(&str, &str); 46] = [
+const FIELDS: [(&str, &str); 48] = [
     (
         CLOCK,
         "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]",
@@ -61,6 +61,8 @@ const FIELDS: [(&str, &str); 46] = [
     ("timing.sort.network", "[1, 2, 4, 8, 16, 32]"),
     ("timing.sort.bucket_bits", "[2, 4, 6, 8]"),
     ("timing.sort.overlap", "[false, true]"),
+    ("timing.contribution.blocks", "[1, 2, 4, 8, 16]"),
+    ("timing.contribution.latency", "[1, 2, 3, 4, 6, 8, 12]"),
     (
         "timing.raster.lanes",
         "[[1, 1], [2, 1], [4, 1], [2, 2], [8, 1], [4, 2], [8, 2], [4, 4], [8, 4], [8, 8]]",
@@ -127,6 +129,7 @@ pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
     // unit.
     let place = |unit: &str| match unit {
         "timing.colour" => "/colour".to_owned(),
+        "timing.contribution" => "/contribution".to_owned(),
         "timing.sort" if kind != SortKind::Radix => "/sort".to_owned(),
         "bin" => "/timing".to_owned(),
         _ => machines::pointer(unit),
