@@ -823,6 +823,7 @@ fn the_listed_machines_can_be_shown_as_machine_files() {
             "volume",
             "gaussian",
             "fp16",
+            "mixed",
             "weighted",
             "gscore",
             "flicker",

@@ -511,11 +511,13 @@ impl<'a> FrameContext<'a> {
         let near = unit.real(point.pixel, ellipse.conic, test.first([x, y]), middle);
         let exact = splat.footprint.leaders(test, [x, y]);
         let mut radial = (near.iter().zip(&exact)).map(|(near, exact)| near.around(*exact));
-        // NaN counts as either.
+        // NaN is surely neither.
+        let is_inside = |radial: Near| radial.high() < cutoff.low();
+        let is_outside = |radial: Near| radial.low() >= cutoff.high();
         if splat.footprint.keeps_block([x, y]) {
-            radial.all(|radial| !(radial.high() < cutoff.low()))
+            !radial.any(is_inside)
         } else {
-            radial.any(|radial| !(radial.low() >= cutoff.high()))
+            !radial.all(is_outside)
         }
     }
 }

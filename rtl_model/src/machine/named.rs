@@ -18,6 +18,7 @@ impl Machine {
             "volume" => Some(volume()),
             "gaussian" => Some(gaussian()),
             "fp16" => Some(fp16()),
+            "mixed" => Some(mixed()),
             "weighted" => Some(weighted()),
             "gscore" => Some(published::gscore()),
             "flicker" => Some(published::flicker()),
@@ -32,7 +33,7 @@ impl Machine {
     /// Names of the machines for surfaces that group fragments by windows.
     pub const WINDOW_NAMES: [&str; 1] = ["window"];
     /// Names of the machines for volumes and for Gaussians.
-    pub const ELLIPSOID_NAMES: [&str; 4] = ["volume", "gaussian", "fp16", "weighted"];
+    pub const ELLIPSOID_NAMES: [&str; 5] = ["volume", "gaussian", "fp16", "mixed", "weighted"];
 
     /// All names.
     pub fn names() -> impl Iterator<Item = &'static str> + Clone {
@@ -641,6 +642,15 @@ const fn half(word: Word) -> Word {
         significant_bits: 11,
         ..format
     })
+}
+
+/// `fp16` with a contribution test: differences in half precision, the test in words of 8 bits.
+fn mixed() -> Machine {
+    Machine {
+        name: "mixed".into(),
+        contribution: Some(published::TEST_IN_8_BITS),
+        ..fp16()
+    }
 }
 
 /// `gaussian` without a sort: the Gaussians of a pixel are summed, in words for sums up to 512.

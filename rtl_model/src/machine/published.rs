@@ -130,16 +130,7 @@ pub(super) fn flicker() -> Machine {
             tiles_per_cycle: Some(4),
             ..Bin::default()
         }),
-        contribution: Some(Contribution {
-            block_px: 4,
-            leaders: Leaders::Corners,
-            offset: float(signed(15, 12), 11),
-            square: float(unsigned(20, 11), 4),
-            product: float(signed(20, 12), 3),
-            conic: float(unsigned(2, 24), 4),
-            conic_cross: float(signed(3, 23), 3),
-            radial: float(unsigned(6, 14), 4),
-        }),
+        contribution: Some(TEST_IN_8_BITS),
         timing: Timing {
             sort: gscore.sort.map(|sorter| Sorter {
                 bucket_bits: None,
@@ -158,6 +149,18 @@ pub(super) fn flicker() -> Machine {
         ..base
     }
 }
+
+/// The contribution test of FLICKER: differences of 16 bits, and words of 8 bits behind them.
+pub(super) const TEST_IN_8_BITS: Contribution = Contribution {
+    block_px: 4,
+    leaders: Leaders::Corners,
+    offset: float(signed(15, 12), 11),
+    square: float(unsigned(20, 11), 4),
+    product: float(signed(20, 12), 3),
+    conic: float(unsigned(2, 24), 4),
+    conic_cross: float(signed(3, 23), 3),
+    radial: float(unsigned(6, 14), 4),
+};
 
 /// A word that keeps this many significant bits.
 const fn float(word: Word, significant_bits: i32) -> Word {

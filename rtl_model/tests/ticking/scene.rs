@@ -55,6 +55,9 @@ pub struct End {
     pub unlit: u8,
 }
 
+/// Place of a splat, and column and row of a block of the picture.
+type KeptBlock = (usize, [usize; 2]);
+
 /// A frame: its splats, and the final state of each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
@@ -78,7 +81,7 @@ pub struct Scene {
     pub masks: BTreeMap<(usize, usize), u64>,
     /// Side of a block in pixels, and the blocks that each place of a splat keeps: column and row of
     /// blocks of the picture. None if blocks are not tested.
-    pub blocks: Option<(usize, BTreeSet<(usize, [usize; 2])>)>,
+    pub blocks: Option<(usize, BTreeSet<KeptBlock>)>,
     /// Texels per side of the map of reflected surroundings.
     pub mirrored: Option<usize>,
 }
