@@ -38,7 +38,7 @@ const MICROMETRES: [f64; 2] = [0.5, 0.3];
 /// Four times the cores of a machine with four of them.
 const FOUR_TIMES_THE_CORES: [&str; 5] = [
     "timing.engines=16",
-    "bin.tiles_per_cycle=16",
+    "bin.tiles_per_cycle=8",
     "timing.sort.units=16",
     "timing.project.units=16",
     "timing.ellipse.units=16",

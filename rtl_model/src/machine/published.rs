@@ -96,8 +96,7 @@ pub(super) fn gscore() -> Machine {
             subtile_px: Some(8),
             masks: Some(MaskMaker::Bin),
             mask_tests: Some(4),
-            // One for each setup unit.
-            tiles_per_cycle: Some(4),
+            tiles_per_cycle: Some(2),
         }),
         timing: Timing {
             clock_hz: 1_000_000_000,
