@@ -111,15 +111,16 @@ impl Waiting<'_> {
             of,
         } = self;
         let (program, rows) = (unit.program(), words.len().div_ceil(LANES));
+        // Lanes beyond the last block repeat it; their results are not used.
+        let last = words.len().saturating_sub(1);
         for input in 0..INPUTS {
-            // Lanes beyond the last block repeat it; their results are not used.
-            let input_words: Vec<[i64; LANES]> = (0..rows)
-                .map(|row| {
-                    std::array::from_fn(|lane| {
-                        words[(row * LANES + lane).min(words.len() - 1)][input]
-                    })
+            let lanes = |row: usize| {
+                std::array::from_fn(|lane| {
+                    let block: &[i64; INPUTS] = &words[(row * LANES + lane).min(last)];
+                    block[input]
                 })
-                .collect();
+            };
+            let input_words: Vec<[i64; LANES]> = (0..rows).map(lanes).collect();
             batch.set(program, input, &input_words);
         }
         let live: [u8; ROWS] = std::array::from_fn(|row| {

@@ -78,10 +78,13 @@ pub struct Scene {
     pub masks: BTreeMap<(usize, usize), u64>,
     /// Side of a block in pixels, and the blocks that each place of a splat keeps: column and row of
     /// blocks of the picture. None if blocks are not tested.
-    pub blocks: Option<(usize, BTreeSet<(usize, [usize; 2])>)>,
+    pub blocks: Option<(usize, KeptBlocks)>,
     /// Texels per side of the map of reflected surroundings.
     pub mirrored: Option<usize>,
 }
+
+/// Place of a splat, and column and row of a block.
+type KeptBlocks = BTreeSet<(usize, [usize; 2])>;
 
 /// Fragment to be lit: of a splat before it is drawn, of a pixel in which this splat makes
 /// fragments merge, or of a pixel at the end.
