@@ -47,6 +47,7 @@ use serde::Serialize;
 use sheets::{SheetPixel, SheetRules};
 use std::any::Any;
 use std::cell::OnceCell;
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use window::{SplatLight, WindowPixel, WindowRules};
 
@@ -513,9 +514,12 @@ impl<'a> FrameContext<'a> {
         let mut radial = (near.iter().zip(&exact)).map(|(near, exact)| near.around(*exact));
         // NaN counts as either.
         if splat.footprint.keeps_block([x, y]) {
-            radial.all(|radial| !(radial.high() < cutoff.low()))
+            radial.all(|radial| radial.high().partial_cmp(&cutoff.low()) != Some(Ordering::Less))
         } else {
-            radial.any(|radial| !(radial.low() >= cutoff.high()))
+            radial.any(|radial| {
+                let order = radial.low().partial_cmp(&cutoff.high());
+                order.is_none_or(Ordering::is_lt)
+            })
         }
     }
 }
