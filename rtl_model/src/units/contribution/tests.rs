@@ -129,6 +129,12 @@ proptest! {
             middle.map(|middle| middle as f64 / 2.0),
         );
         let limit = machine.raster.cutoff.format.value(cutoff);
+        // The arithmetic of the graph is exact but for its words.
+        let order = [0, 1, 2, 3].map(|nth| if is_diagonal { nth % 2 } else { nth });
+        for (bound, nth) in bounds.iter().zip(order) {
+            let far = bound.value.abs().max(exact[nth].abs()).max(1.0);
+            prop_assert!((bound.value - exact[nth]).abs() < 1e-6 * far, "{exact:?} {bounds:?}");
+        }
         let mut near = exact.iter().zip(bounds).map(|(exact, near)| near.around(*exact));
         if near.clone().any(|radial| radial.high() < limit) {
             prop_assert!(kept != 0, "a leader is inside: {exact:?} {bounds:?} {limit}");
