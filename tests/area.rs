@@ -406,7 +406,13 @@ fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
         ("lean", &["timing.organisation=immediate"], "torus-knot"),
         ("gaussian", &[], "bouquet"),
         ("tiny", &bought, "torus-knot"),
-        ("gaussian", &["bin.test=ellipse"], "bouquet"),
+        (
+            "gaussian",
+            &["bin.test=ellipse", "bin.tiles_per_cycle=2"],
+            "bouquet",
+        ),
+        ("mixed", &["timing.contribution.blocks=2"], "bouquet"),
+        ("weighted", &[], "bouquet"),
         (
             "gaussian",
             &["bin.test=ellipse", "bin.subtile_px=8", "bin.masks=list"],

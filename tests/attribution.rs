@@ -92,8 +92,10 @@ fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
         (scene, machine)
     };
     let mut all: Vec<_> = texts.into_iter().enumerate().map(read).collect();
-    let (bouquet, _) = &all[3];
-    all.push((bouquet.clone(), Machine::named("fp16").unwrap()));
+    let bouquet = all[3].0.clone();
+    for name in ["fp16", "mixed", "weighted"] {
+        all.push((bouquet.clone(), Machine::named(name).unwrap()));
+    }
     all
 }
 
@@ -309,7 +311,8 @@ fn all_words_together_make_the_machines_error() {
         let units: Vec<&str> = UNITS
             .into_iter()
             .filter(|unit| {
-                (*unit != "sort" || machine.sort.is_some())
+                (*unit != "sort" || machine.sorting().is_some())
+                    && (*unit != "contribution" || machine.contribution.is_some())
                     && (*unit != "colour" || machine.colour.is_some())
                     && (*unit != "reflect" || machine.reflect.is_some())
             })

@@ -808,6 +808,9 @@ fn the_listed_machines_can_be_shown_as_machine_files() {
         list.lines().all(|line| line.chars().count() <= 80),
         "{list}"
     );
+    // Name, two numbers with their unit, description.
+    let mut rows = list.lines().skip(1);
+    assert!(rows.all(|row| row.split_whitespace().count() > 5), "{list}");
     let names: Vec<&str> = list
         .lines()
         .skip(1)
@@ -841,8 +844,12 @@ fn the_listed_machines_can_be_shown_as_machine_files() {
         let shown = says(&["machine", "show", name]);
         let file = write(&folder, &format!("{name}.json"), &shown);
         assert_eq!(says(&["machine", "show", &file]), shown);
-        // It draws only Gaussians.
-        let scene = if name == "cubed" { "bouquet" } else { &scene };
+        let draws_only_gaussians = ["mixed", "flicker", "cubed"].contains(&name);
+        let scene = if draws_only_gaussians {
+            "bouquet"
+        } else {
+            &scene
+        };
         let by_file = run(&[scene, "--size", "30x30", "--machine", &file]).1;
         let by_name = run(&[scene, "--size", "30x30", "--machine", name]).1;
         let all = |report: &Value| {

@@ -357,7 +357,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
         ),
         (
             "sort.key=U1F12",
-            "only fields below `timing` can change, and sort.kind, sort.tile_bits, sort.digit_bits, bin.test, bin.subtile_px, bin.masks and bin.mask_tests",
+            "only fields below `timing` can change, and sort.kind, sort.tile_bits, sort.digit_bits, bin.test, bin.tiles_per_cycle, bin.subtile_px, bin.masks and bin.mask_tests",
         ),
     ] {
         let refused = splatsim(&["replay", &record, "--set", set, "--out", &replayed]);

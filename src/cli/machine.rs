@@ -128,34 +128,38 @@ impl MachineCommand {
 }
 
 fn list() -> Result<String> {
-    let descriptions = [
-        "counts as exact; the default for discs",
-        "the cheapest whose picture is still good",
-        "coarse and quick, to see errors",
-        "four small slots, grouped late",
-        "draws ellipsoids too, sheet by sheet",
-        "the same, sorted: trained Gaussians",
-        "the same in half precision",
-        "after GSCore (ASPLOS 2024)",
-        "after FLICKER (DATE 2026)",
-        "after NYCU's chip (TVCG 2026)",
-        "an open renderer for an FPGA: Gaussians",
-    ];
     let mut table = plain_table(&["machine", "widest operand", "fragment", ""]);
-    for (machine, description) in Machine::names()
-        .filter_map(Machine::named)
-        .zip(descriptions)
-    {
+    for machine in Machine::names().filter_map(Machine::named) {
         let report = MachineReport::new(&fixed::elaborate(&machine)?);
         let [operand, fragment] =
             [report.widest_operand_bits, report.fragment_bits].map(|bits| format!("{bits} bits"));
-        table.add_row([machine.name, operand, fragment, format!("  {description}")]);
+        let description = format!("  {}", description(&machine.name));
+        table.add_row([machine.name, operand, fragment, description]);
     }
     let mut table = aligned(table);
     if let Some(last) = table.column_mut(3) {
         last.set_cell_alignment(CellAlignment::Left);
     }
     Ok(table.trim_fmt())
+}
+
+fn description(machine: &str) -> &'static str {
+    match machine {
+        "reference" => "counts as exact; the default for discs",
+        "lean" => "the cheapest whose picture is still good",
+        "tiny" => "coarse and quick, to see errors",
+        "window" => "four small slots, grouped late",
+        "volume" => "draws ellipsoids too, sheet by sheet",
+        "gaussian" => "the same, sorted: trained Gaussians",
+        "fp16" => "the same in half precision",
+        "mixed" => "the same, with a contribution test in 8 bits",
+        "weighted" => "sums Gaussians, without a sort",
+        "gscore" => "after GSCore (ASPLOS 2024)",
+        "flicker" => "after FLICKER (DATE 2026)",
+        "nycu" => "after NYCU's chip (TVCG 2026)",
+        "cubed" => "an open renderer for an FPGA: Gaussians",
+        _ => "",
+    }
 }
 
 fn show(file: &File) -> Result<String> {

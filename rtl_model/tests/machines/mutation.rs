@@ -103,6 +103,11 @@ fn change(leaf: &Value, pointer: &str, m: &Mutation) -> Value {
         }
         Value::Number(_) => json!(m.first.unsigned_abs() * 20),
         Value::String(_) if pointer.ends_with("/rows") => choice(&["seeded", "differenced"]),
+        Value::String(_) if pointer == "/sort/kind" => {
+            choice(&["radix", "tile", "hierarchical", "none"])
+        }
+        Value::String(_) if pointer == "/bin/test" => choice(&["box", "oriented-box", "ellipse"]),
+        Value::String(_) if pointer == "/bin/masks" => choice(&["bin", "list"]),
         Value::String(_) if pointer.ends_with("/leaders") => choice(&["corners", "diagonal"]),
         Value::String(_) if pointer.ends_with("/merge") => {
             choice(&["nearest-pair", "farthest-pair", "replace", "window"])

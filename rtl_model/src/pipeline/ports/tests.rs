@@ -6,7 +6,7 @@ fn kinds(machine: &Elaborated) -> Vec<Kind> {
     let can = [
         m.ellipse.ellipsoid.is_some(),
         m.ellipse.ellipsoid.is_some(),
-        m.sort.is_some(),
+        m.sorting().is_some(),
         m.fragment.sheets.is_some(),
     ];
     let all = (0..16u8).map(|bits| [0, 1, 2, 3].map(|bit| bits >> bit & 1 == 1));

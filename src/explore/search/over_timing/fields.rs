@@ -387,8 +387,8 @@ mod tests {
             ["radix", "tile", "hierarchical"].map(of),
             [
                 "".to_owned(),
-                sizes.to_owned(),
-                format!("{sizes} bucket_bits")
+                format!("{sizes} overlap"),
+                format!("{sizes} bucket_bits overlap")
             ]
         );
     }
@@ -503,7 +503,8 @@ mod tests {
         )
         .unwrap();
         let sorting = machines::load("gaussian", &["sort.kind=hierarchical".into()]).unwrap();
-        let of_some: Vec<String> = [&machine, &immediate, &sorting]
+        let tested = Machine::named("mixed").unwrap();
+        let of_some: Vec<String> = [&machine, &immediate, &sorting, &tested]
             .into_iter()
             .flat_map(default_fields)
             .map(|field| field.field)
@@ -516,7 +517,7 @@ mod tests {
             );
             assert_eq!(given::reason(field), None, "{field}");
         }
-        for machine in [&machine, &immediate, &sorting] {
+        for machine in [&machine, &immediate, &sorting, &tested] {
             knobs(machine, &default_fields(machine)).unwrap();
         }
     }
