@@ -148,6 +148,12 @@ fn a_sum_of_gaussians_is_drawn_well_and_within_bounds() {
     assert_eq!((frame.flips.order, frame.flips.eviction), (0, 0));
     let blended = draw(&scene, &usual(&scene)).0;
     assert_ne!(drawing.frame, blended.frame);
+    // Several sources are one medium, which is drawn in the order of depth.
+    let sources =
+        json!([{"gaussians": "bouquet", "count": 30}, {"gaussians": "city", "count": 30}]);
+    let refused = quantise::quantise(&made(&json!({ "splats": sources })), &machine).unwrap_err();
+    let told = refused.to_string();
+    assert!(told.contains("sums Gaussians of one source"), "{told}");
     // Sums with a single fraction bit, and sums that saturate.
     for coarse in ["U6F1", "U1F14"] {
         let mut coarser = machine.clone();

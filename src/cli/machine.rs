@@ -152,7 +152,7 @@ fn description(machine: &str) -> &'static str {
         "volume" => "draws ellipsoids too, sheet by sheet",
         "gaussian" => "the same, sorted: trained Gaussians",
         "fp16" => "the same in half precision",
-        "mixed" => "the same, with a contribution test in 8 bits",
+        "mixed" => "the same, with a contribution test",
         "weighted" => "sums Gaussians, without a sort",
         "gscore" => "after GSCore (ASPLOS 2024)",
         "flicker" => "after FLICKER (DATE 2026)",

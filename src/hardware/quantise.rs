@@ -584,6 +584,10 @@ impl RegisterLoader<'_> {
         if ellipsoids.sorted && machine.sort.is_none() {
             self.refuse("it has no `sort`, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
         }
+        let is_summed = (scene.sheets.as_ref()).is_some_and(|sheets| sheets.of == Sheet::Splat);
+        if ellipsoids.sorted && machine.sums_gaussians() && !is_summed {
+            self.refuse("its sort.kind is none, which sums Gaussians of one source, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
+        }
         let size = [scene.image.width, scene.image.height];
         if let Some(sentence) = lacks_tile_bits(machine, size).filter(|_| ellipsoids.sorted) {
             self.refuse(sentence);
@@ -729,7 +733,7 @@ impl RegisterLoader<'_> {
         }
         if machine.contribution.is_some() && !is_of_gaussians {
             self.refuse(
-                "its `contribution` tests blocks of pixels for Gaussians, and these splats are no Gaussians: leave `contribution` out".into(),
+                "its `contribution` tests blocks of pixels for Gaussians of one source, and these splats are others, or come from several sources: leave `contribution` out".into(),
             );
             return None;
         }

@@ -471,8 +471,8 @@ impl Explanation<'_> {
             (_, SheetDecision::Dropped) => "too late".into(),
             (Sheet::Splat, _) => "blend".into(),
             (Sheet::Slice(numbers), SheetDecision::Added) => format!("add to {}", numbers[splat]),
-            (Sheet::Sum, SheetDecision::Added) => "add".into(),
-            (Sheet::Sum, SheetDecision::Opened) => "open".into(),
+            // Which one comes first is no decision.
+            (Sheet::Sum, SheetDecision::Added | SheetDecision::Opened) => "add".into(),
             (Sheet::Slice(numbers), SheetDecision::Opened) => format!("open {}", numbers[splat]),
         })
     }

@@ -145,17 +145,17 @@ impl BinWords {
             return;
         }
         let in_bin = masks.filter(|masks| masks.made == MaskMaker::Bin);
-        self.declare_tests((UNIT, tiles), in_bin, e);
+        self.declare_tests((UNIT, 1), (in_bin, tiles), e);
         if let Some(in_list) = masks.filter(|masks| masks.made == MaskMaker::List) {
-            self.declare_tests((unit::LIST, engines), Some(in_list), e);
+            self.declare_tests((unit::LIST, engines), (Some(in_list), 1), e);
         }
     }
 
-    /// Parts of the tests in a unit: of tiles, or of the subtiles of masks.
+    /// Parts of the tests in a unit: of some tiles at a time, or of the subtiles of their masks.
     fn declare_tests(
         &self,
         (unit, copies): (&'static str, u32),
-        masks: Option<Masks>,
+        (masks, tiles): (Option<Masks>, u32),
         e: &mut Elaboration,
     ) {
         // No probe observes its words, so they are no signals.
@@ -165,7 +165,7 @@ impl BinWords {
         let held = self.splat_bits() + self.tile_bits();
         own.part(UNIT, Operator::Register(held));
         own.part(UNIT, Operator::Hold(held));
-        own.copies(masks.map_or(1, |masks| masks.tests), |own| {
+        own.copies(tiles * masks.map_or(1, |masks| masks.tests), |own| {
             self.tile_in(own);
             // Tiles are counted; the tile's far side, and the part of the box in it.
             own.copies(2, |own| {
@@ -177,8 +177,10 @@ impl BinWords {
         });
         // The mask, and the bits that are set in a cycle.
         if let Some(masks) = masks {
-            own.part(UNIT, Operator::Register(masks.bits as i32));
-            own.choice(UNIT, 2, masks.bits as i32);
+            own.copies(tiles, |own| {
+                own.part(UNIT, Operator::Register(masks.bits as i32));
+                own.choice(UNIT, 2, masks.bits as i32);
+            });
         }
         e.errors.append(&mut own.errors);
         e.parts.extend(own.parts.drain(..).map(|part| Part {

@@ -723,7 +723,7 @@ fn tests_of_blocks_tick_as_they_are_replayed() {
             };
             let machine = machines::with_blocks(&mut rng, machine);
             let elaborated = machine.elaborate().expect("a machine").timing;
-            let (scene, words, cutoff) = match machine.bin {
+            let (scene, words, cutoff) = match elaborated.bin {
                 Some(_) => scene.tested(&mut rng, &elaborated),
                 None => (scene, Vec::new(), 0),
             };
