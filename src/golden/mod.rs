@@ -336,12 +336,7 @@ pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
         return ideal_of(&full, turn_normals);
     }
     let least = gaussian_cutoff();
-    if scene
-        .sheets
-        .as_ref()
-        .is_some_and(|sheets| sheets.of == Sheet::Splat)
-        && scene.kernel.cutoff < least
-    {
+    if scene.is_of_gaussians() && scene.kernel.cutoff < least {
         let kernel = Kernel {
             cutoff: least,
             ..scene.kernel

@@ -162,8 +162,8 @@ impl Painter for SheetPainter<'_> {
     }
 }
 
-/// What a pixel lets through of a contribution and adds to it. Contributions of a volume hide what
-/// is behind them by exactly e^(−x); those of a Gaussian by its weight.
+/// Colour times opacity, and opacity, of a contribution. Contributions of a volume hide what is
+/// behind them by exactly e^(−x); those of a Gaussian by its weight.
 fn exact(sheets: &Sheets, fragment: &Fragment) -> DVec4 {
     if sheets.of == Sheet::Splat {
         return closed(sheets, fragment.weight, fragment.rgb);

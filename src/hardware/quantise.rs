@@ -584,8 +584,7 @@ impl RegisterLoader<'_> {
         if ellipsoids.sorted && machine.sort.is_none() {
             self.refuse("it has no `sort`, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
         }
-        let is_summed = (scene.sheets.as_ref()).is_some_and(|sheets| sheets.of == Sheet::Splat);
-        if ellipsoids.sorted && machine.sums_gaussians() && !is_summed {
+        if ellipsoids.sorted && machine.sums_gaussians() && !scene.is_of_gaussians() {
             self.refuse("its sort.kind is none, which sums Gaussians of one source, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
         }
         let size = [scene.image.width, scene.image.height];
@@ -723,8 +722,7 @@ impl RegisterLoader<'_> {
     fn sheets(&mut self, scene: &Scene) -> Option<frame::Sheets> {
         let machine = self.machine;
         let composite = machine.fragment.composite();
-        let is_of_gaussians =
-            (scene.sheets.as_ref()).is_some_and(|sheets| sheets.of == Sheet::Splat);
+        let is_of_gaussians = scene.is_of_gaussians();
         if composite.is_some() && !is_of_gaussians {
             self.refuse(
                 "it blends each Gaussian into its pixel, and these splats are no Gaussians: `--machine gaussian` draws them, or `reference` if they are discs".into(),

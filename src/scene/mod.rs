@@ -551,6 +551,11 @@ impl Scene {
         formats::is_json(path).then(|| input::read_text(path).ok())?
     }
 
+    /// Whether each splat is a Gaussian that is blended separately.
+    pub fn is_of_gaussians(&self) -> bool {
+        (self.sheets.as_ref()).is_some_and(|sheets| sheets.of == Sheet::Splat)
+    }
+
     /// Rules of sheets on a machine that sums Gaussians, or on one that does not. `None` where
     /// fragments are grouped by depth.
     pub fn sheets_for(&self, sums_gaussians: bool) -> Option<Cow<'_, Sheets>> {

@@ -371,8 +371,8 @@ pub struct Storage {
 /// Width of the sort's counts: they index as many entries as 4 bytes can.
 pub const SORT_COUNT_BITS: u64 = 32;
 
-/// A test of tiles. It tests one group of tiles per cycle, or the subtiles of a tile if masks are made in
-/// `bin`.
+/// A test of tiles. It tests one group of tiles per cycle, or the subtiles of a tile if masks are
+/// made in `bin`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct BinShape {
     /// Kind of the test.

@@ -195,13 +195,10 @@ impl Machine {
             resolve: resolve.layer_path().times(self.fragment.layers),
             ..self.paths(resolve.layer_path())
         };
-        let blocks = contribution.as_ref().map(|unit| {
-            let path = unit.path(self);
-            ContributionShape {
-                masks: Masks::of(self),
-                latency: path.cycles_at(&self.timing).max(1),
-                bits: contribution::splat_bits(self),
-            }
+        let blocks = contribution.as_ref().map(|_| ContributionShape {
+            masks: Masks::of(self),
+            latency: paths.contribution.cycles_at(&self.timing).max(1),
+            bits: contribution::splat_bits(self),
         });
         let timing = self.elaborate_timing(e, &paths, bin, blocks);
         let elaborated = Elaborated {
@@ -269,7 +266,7 @@ impl Machine {
         });
         let tiles = self.tiles_per_cycle();
         let entry_bits = SORT_COUNT_BITS as i32
-            + self.sort.map_or(0, |sort| sort.key_bits() as i32)
+            + self.sorting().map_or(0, |sort| sort.key_bits() as i32)
             + self.listed_mask_bits() as i32;
         e.copies(tiles - 1, |e| {
             e.copies(2, |e| e.part(unit::BIN, Operator::Register(TILE_BITS)));
