@@ -538,6 +538,70 @@ fn a_frame_is_replayed_with_every_value_of_a_field() {
         "the nearest is `memory`",
     );
     run_refused(&["--set", "timing.clock_hz=0"], "timing.clock_hz is 0");
+    run_refused(
+        &["--timing", "timing.raster.fifo=99999999999"],
+        "timing.raster.fifo is 9.9999999999e10; it must be at least 0 and at most 4294967295",
+    );
+}
+
+/// Fields of lists change no picture, so that a frame is replayed with them too; each row is that
+/// of the run with the field set.
+#[test]
+fn a_frame_is_replayed_with_other_lists() {
+    let gaussians = [
+        "bouquet",
+        "--size",
+        "96x96",
+        "--machine",
+        "gaussian",
+        "--check",
+        "none",
+    ];
+    let (_out, report) = run(&[
+        &gaussians[..],
+        &[
+            "--timing",
+            "sort.kind=radix,hierarchical",
+            "--timing",
+            "bin.test=box,ellipse",
+        ],
+    ]
+    .concat());
+    let rows = report["timings"]["rows"].as_array().unwrap();
+    let total = |report: &Value| report["cycles"]["total"].as_u64().unwrap();
+    let totals: Vec<u64> = rows.iter().map(total).collect();
+    assert_eq!(totals[0], total(&report));
+    let (_out, set) = run(&[
+        &gaussians[..],
+        &[
+            "--set",
+            "sort.kind=hierarchical",
+            "--set",
+            "bin.test=ellipse",
+        ],
+    ]
+    .concat());
+    assert_eq!(totals[3], total(&set), "{totals:?}");
+    assert!(
+        totals.iter().all(|cycles| *cycles > 0) && totals[0] != totals[3],
+        "{totals:?}"
+    );
+    let refused = |flags: &[&str], part: &str| {
+        run_refused(&[&gaussians[..], flags].concat(), part);
+    };
+    refused(
+        &["--timing", "sort.kind=radix,none"],
+        "--timing sort.kind=none: Gaussians are summed with sort.kind none",
+    );
+    refused(
+        &[
+            "--set",
+            "sort.tile_bits=6",
+            "--timing",
+            "timing.tile.side_px=16,4",
+        ],
+        "--timing timing.tile.side_px=4: sort.tile_bits is 6, and the picture has 576 tiles",
+    );
 }
 
 #[test]

@@ -44,14 +44,17 @@ pub(super) const SET_BOTH_LONG: &str =
     setting!("Set a field of both: gauss.falloff=U1F12; may repeat");
 /// `--set` of `replay`.
 pub(super) const SET_TIMING_LONG: &str = "Set a field: timing.raster.fifo=4; may repeat\n\n\
-    `machine show NAME` lists the fields of a machine, and\n\
-    `machine schema` describes them.";
+    Fields below timing and fields of lists, such as bin.test and\n\
+    sort.kind, can be set. `machine show NAME` lists the fields of a\n\
+    machine, and `machine schema` describes them.";
 
 /// `--timing`, in `-h` and in `--help`.
 pub(super) const EACH: &str = "Compare cycles for each value; may repeat";
 pub(super) const EACH_LONG: &str = "Compare cycles for each value; may repeat\n\n\
     timing.memory.bytes_per_cycle=16,32 gives a row per value.\n\
-    Several fields are replayed in all combinations of their values.";
+    Several fields are replayed in all combinations of their values.\n\
+    Fields below timing and fields of lists, such as bin.test and\n\
+    sort.kind, can differ: they change no picture.";
 
 /// `--cameras`, in `-h` and in `--help`.
 pub(super) const CAMERAS: &str = "Read cameras of nerfstudio, COLMAP, 3DGS, `search`";

@@ -59,7 +59,7 @@ impl ReplayArgs {
             .iter()
             .try_for_each(|setting| recording.set(setting))?;
         fixed::elaborate(&recording.machine)?;
-        recording.hold_stack(&self.timing)?;
+        recording.check(&self.timing)?;
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let out = self
             .out

@@ -176,8 +176,8 @@ impl RunArgs {
         let drawn = small.as_ref().unwrap_or(&scene);
         memory::check_frame(drawn)?;
         quantise(drawn, &machine)?;
-        if let (Some(timings), Some(detail)) = (&timings, &drawn.detail) {
-            timings.hold_stack(detail.cut.deepest as u64)?;
+        if let Some(timings) = &timings {
+            timings.check_scene(drawn)?;
         }
         let options = Options {
             attribution: self.attribute,

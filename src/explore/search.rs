@@ -34,7 +34,7 @@ use crate::hardware::{fixed, machines};
 use crate::output::files::{Folder, write_beside};
 use crate::output::picture::Picture;
 use crate::output::progress::Progress;
-use crate::output::text::{aligned, duration, plain, plain_table, thousands, wrapped};
+use crate::output::text::{aligned, counted, duration, plain, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
 use crate::run::evaluation::Evaluation;
 use crate::run::timed;
@@ -348,6 +348,13 @@ fn decibels(psnr_db: Option<f64>) -> String {
         Some(db) if db.is_finite() => format!("{db:.1}"),
         Some(_) => "no".into(),
     }
+}
+
+/// An area beside another one: `12.3% less`, `4.0% more`.
+fn compared_area(area: f64, other: f64) -> String {
+    let part = 100.0 * (area / other - 1.0);
+    let than = if part > 0.0 { "more" } else { "less" };
+    format!("{:.1}% {than}", part.abs())
 }
 
 /// The lower of two PSNRs; None stands for equal pictures.
@@ -2474,21 +2481,17 @@ impl SearchOutcome {
             ]);
         }
         let mut text = format!("{}\n\n{}\n", wrapped(&head), aligned(table).trim_fmt());
-        let saved = 100.0 * (1.0 - last.area / first.area);
         let mut size = format!(
-            "{}: {} LUT equivalents, {saved:.1}% less than {}",
+            "{}: {} LUT equivalents, {} than {}",
             self.machine.name,
             thousands(last.area as u64),
+            compared_area(last.area, first.area),
             self.base
         );
         let reference = Machine::named("reference").and_then(|machine| machine.elaborate().ok());
         if let Some(reference) = reference.filter(|_| self.base != "reference") {
             let whole = Cost::new(&reference, &Prices::default()).area;
-            let _ = write!(
-                size,
-                ", {:.1}% less than reference",
-                100.0 * (1.0 - last.area / whole)
-            );
+            let _ = write!(size, ", {} than reference", compared_area(last.area, whole));
         }
         let _ = write!(text, "\n{}", wrapped(&size));
         let worst = self
@@ -2503,7 +2506,10 @@ impl SearchOutcome {
         };
         let views = match self.views.len() {
             0 => "no unseen view was tried".to_owned(),
-            count => format!("holds on {count} unseen views{worst}"),
+            count => format!(
+                "holds on {}{worst}",
+                counted(count as u64, "unseen view", "unseen views")
+            ),
         };
         let _ = write!(text, "\n{}", wrapped(&views));
         if !self.unused.is_empty() {
@@ -2575,12 +2581,8 @@ impl SearchOutcome {
         if self.learnt.is_empty() {
             return vec!["no unseen view failed, so no area was added for unseen views".into()];
         }
-        let part = 100.0 * area / target_alone_area;
-        let more = if part < 0.0 { "less" } else { "more" };
-        let mut cost = format!(
-            "holding on unseen views takes {:.1}% {more} area",
-            part.abs()
-        );
+        let part = compared_area(target_alone_area + area, *target_alone_area);
+        let mut cost = format!("holding on unseen views takes {part} area");
         if let Some(db) = db {
             let _ = write!(
                 cost,

@@ -42,6 +42,11 @@ pub fn share(part: u64, whole: u64) -> String {
     }
 }
 
+/// A number and the word behind it: `1 field`, `2 fields`.
+pub fn counted(count: u64, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
 /// Breaks a line that is longer than a terminal's between words, with indented continuation lines.
 pub fn wrapped(line: &str) -> String {
     let mut out = String::new();

@@ -10,8 +10,9 @@
 //! Laws: `no_field_of_timing_is_forgotten`; tests/compare.rs:
 //! `an_answer_is_what_the_run_with_it_says`.
 
+use crate::hardware::quantise::lacks_tile_bits;
 use crate::hardware::{fixed, machines};
-use crate::output::text::{aligned, plain, plain_table, wrapped};
+use crate::output::text::{aligned, counted, plain, plain_table, wrapped};
 use crate::performance::clock;
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::frames_per_second;
@@ -96,7 +97,9 @@ impl Answers {
         let before = CostReport::new(machine, cycles, prices).cost.area;
         let built: Vec<(&Candidate, Elaborated)> = all
             .par_iter()
-            .filter_map(|candidate| Some((candidate, candidate.built(&machine.machine)?)))
+            .filter_map(|candidate| {
+                Some((candidate, candidate.built(&machine.machine, frame.work)?))
+            })
             .collect();
         let timings: Vec<_> = built.iter().map(|(_, built)| &built.timing).collect();
         let answer = |((Candidate { field, from, to }, built), taken): (
@@ -162,10 +165,7 @@ impl Answers {
 
     /// The table, at most 80 columns wide.
     pub fn table(&self) -> String {
-        let count = |count: u64, one: &str, many: &str| {
-            format!("{count} {}", if count == 1 { one } else { many })
-        };
-        let tried = count(self.tried, "change", "changes");
+        let tried = counted(self.tried, "change", "changes");
         let refused = if self.refused == 0 {
             String::new()
         } else {
@@ -257,10 +257,15 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// The machine with the change; `None` where it does not elaborate.
-    fn built(&self, machine: &Machine) -> Option<Elaborated> {
+    /// The machine with the change; `None` where it does not elaborate, or its keys are too narrow
+    /// for the frame.
+    fn built(&self, machine: &Machine, work: &Work) -> Option<Elaborated> {
         let other =
             machines::with(machine, &[(self.field.clone(), self.to.clone())], "answers").ok()?;
+        let size = [work.width, work.height].map(|side| side as usize);
+        if !work.order.is_empty() && lacks_tile_bits(&other, size).is_some() {
+            return None;
+        }
         fixed::elaborate(&other).ok()
     }
 }

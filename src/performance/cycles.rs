@@ -82,7 +82,7 @@ pub struct TileTestsReport {
 pub struct MasksReport {
     /// Subtiles that were tested.
     pub subtiles_tested: u64,
-    /// Bits that are set in the entries of all lists.
+    /// Bits that were set.
     pub subtiles_set: u64,
     /// Cycles in which `list` or `contribution` tested subtiles, in all engines; 0 if `bin` does.
     pub list_cycles: u64,

@@ -24,7 +24,9 @@ use crate::performance::answers::Answers;
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::{CyclesReport, Requests};
 use crate::performance::roofline;
-use crate::performance::timings::{Axes, Timings, Variants, holds_stack};
+use crate::performance::timings::{
+    Axes, Timings, Variants, can_be_replayed, draws_as, fields_of_lists, holds_stack,
+};
 use crate::scene::MOST_PIXELS;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::BinWords;
@@ -47,19 +49,6 @@ const MAGIC_WITH_WORDS: &[u8] = b"splatsim-work-7\n";
 const MAGIC_WITH_MASKS: &[u8] = b"splatsim-work-8\n";
 /// All beginnings.
 const MAGICS: [&[u8]; 4] = [MAGIC, MAGIC_WITH_KEYS, MAGIC_WITH_WORDS, MAGIC_WITH_MASKS];
-
-/// Fields outside of `timing` that change no picture: how the order is computed, not which it is;
-/// and which tiles and subtiles are tested for having no pixel.
-const OF_ORDER: [&str; 8] = [
-    "sort.kind",
-    "sort.tile_bits",
-    "sort.digit_bits",
-    "bin.test",
-    "bin.tiles_per_cycle",
-    "bin.subtile_px",
-    "bin.masks",
-    "bin.mask_tests",
-];
 
 /// Columns and rows of the roofline.
 const ROOFLINE_PX: [u32; 2] = [860, 600];
@@ -246,41 +235,41 @@ impl Recording {
     pub fn set(&mut self, setting: &str) -> Result<()> {
         let flag = machines::flag("--set", setting);
         let field = setting.split('=').next().unwrap_or_default().trim();
-        if !field.starts_with("timing.") && !OF_ORDER.contains(&field) {
-            let [others @ .., last] = &OF_ORDER;
+        if !can_be_replayed(field) {
             return Err(Error::input(format!(
-                "{flag}: the record contains what happened in the frame; only fields below `timing` can change, and {} and {last}",
-                others.join(", ")
+                "{flag}: the record contains what happened in the frame; only fields below `timing` can change, and {}",
+                fields_of_lists()
             )));
         }
         let machine = machines::changed(&self.machine, setting, &flag)?;
-        if machine.sums_gaussians() != self.machine.sums_gaussians() {
-            return Err(Error::input(format!(
-                "{flag}: Gaussians are summed with sort.kind none and blended with the other kinds, which are different pictures: draw the frame again"
-            )));
-        }
-        holds_keys(&machine, &self.work).map_err(|what| Error::input(format!("{flag}: {what}")))?;
-        holds_words(&machine, &self.work)
+        draws_as(&machine, &self.machine)
+            .and_then(|()| self.can_time(&machine))
             .map_err(|what| Error::input(format!("{flag}: {what}")))?;
-        if let Some(what) = lacks_tile_bits(
-            &machine,
-            [self.work.width, self.work.height].map(|side| side as usize),
-        ) {
-            return Err(Error::input(format!("{flag}: {what}")));
-        }
         self.machine = machine;
         Ok(())
     }
 
-    /// Checks that the machine's walker, with its own timing and each other value of it, has enough
-    /// stack for the frame's walk.
+    /// Checks that the record has what the machine, with its own timing and each other value of it,
+    /// needs: stack for the frame's walk, keys, words for tests.
     ///
     /// # Errors
-    /// [`Error::Input`] with the stack that is needed.
-    pub fn hold_stack(&self, axes: &[Axes]) -> Result<()> {
-        let deepest = self.work.deepest_stack();
-        holds_stack(self.machine.timing.walk, deepest).map_err(Error::input)?;
-        Variants::new(&self.machine, axes)?.map_or(Ok(()), |variants| variants.hold_stack(deepest))
+    /// [`Error::Input`] with what is missing.
+    pub fn check(&self, axes: &[Axes]) -> Result<()> {
+        self.can_time(&self.machine).map_err(Error::input)?;
+        Variants::new(&self.machine, axes)?.map_or(Ok(()), |variants| {
+            variants.check(|machine| self.can_time(machine))
+        })
+    }
+
+    /// Whether the record has what a machine needs.
+    fn can_time(&self, machine: &Machine) -> std::result::Result<(), String> {
+        holds_stack(machine.timing.walk, self.work.deepest_stack())?;
+        holds_keys(machine, &self.work)?;
+        holds_words(machine, &self.work)?;
+        let size = [self.work.width, self.work.height].map(|side| side as usize);
+        lacks_tile_bits(machine, size)
+            .filter(|_| !self.work.order.is_empty())
+            .map_or(Ok(()), Err)
     }
 
     /// Computes the frame's time; with `answers` also what-if results.

@@ -8,11 +8,13 @@
 //! ```
 
 use crate::error::{Error, Result};
+use crate::hardware::quantise::lacks_tile_bits;
 use crate::hardware::{fixed, machines};
 use crate::output::chart::{Axis, Bars};
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cycles::CyclesReport;
 use crate::performance::given;
+use crate::scene::Scene;
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
@@ -25,7 +27,42 @@ use std::str::FromStr;
 /// Greatest number of machines on which a frame is replayed, and of values of one field.
 const MOST: usize = 1000;
 
-/// A field of a machine's timing, and its values.
+/// Fields outside of `timing` that change no picture: how the order is computed, not which it is;
+/// and which tiles and subtiles are tested for having no pixel.
+pub const OF_LISTS: [&str; 8] = [
+    "sort.kind",
+    "sort.tile_bits",
+    "sort.digit_bits",
+    "bin.test",
+    "bin.tiles_per_cycle",
+    "bin.subtile_px",
+    "bin.masks",
+    "bin.mask_tests",
+];
+
+/// Whether a recorded frame can be replayed with another value of this field.
+pub fn can_be_replayed(path: &str) -> bool {
+    path.starts_with("timing.") || OF_LISTS.contains(&path)
+}
+
+/// [`OF_LISTS`] as a part of a sentence.
+pub fn fields_of_lists() -> String {
+    let [others @ .., last] = &OF_LISTS;
+    format!("{} and {last}", others.join(", "))
+}
+
+/// Checks that a machine draws the same picture as another one whose `OF_LISTS` differ.
+///
+/// # Errors
+/// A sentence.
+pub fn draws_as(machine: &Machine, other: &Machine) -> std::result::Result<(), String> {
+    if machine.sums_gaussians() == other.sums_gaussians() {
+        return Ok(());
+    }
+    Err("Gaussians are summed with sort.kind none and blended with the other kinds, which are different pictures: draw the frame again".into())
+}
+
+/// A field that changes no picture, and its values.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axes {
     path: String,
@@ -37,12 +74,16 @@ impl FromStr for Axes {
 
     /// `timing.raster.fifo=1,2,4`: commas inside brackets do not separate values.
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let sentence =
-            "write PATH=VALUE,VALUE,… of a field below timing, as in timing.raster.fifo=1,2,4";
+        let sentence = || {
+            format!(
+                "write PATH=VALUE,VALUE,…, as in timing.raster.fifo=1,2,4; PATH can be any field below timing, and {}",
+                fields_of_lists()
+            )
+        };
         let (path, values) = text
             .split_once('=')
-            .filter(|(path, _)| path.starts_with("timing."))
-            .ok_or(sentence)?;
+            .filter(|(path, _)| can_be_replayed(path))
+            .ok_or_else(sentence)?;
         let mut all = vec![String::new()];
         let mut depth = 0;
         for letter in values.chars() {
@@ -54,7 +95,7 @@ impl FromStr for Axes {
             }
         }
         if all.iter().any(|value| value.trim().is_empty()) {
-            return Err(sentence.into());
+            return Err(sentence());
         }
         if all.len() > MOST {
             return Err(format!("{} values are more than {MOST}", all.len()));
@@ -71,7 +112,15 @@ impl FromStr for Axes {
 pub struct Variants {
     paths: Vec<String>,
     /// Values in the order of the fields; the last one changes fastest.
-    machines: Vec<(Vec<String>, Microarchitecture)>,
+    machines: Vec<Variant>,
+}
+
+/// A machine with these values.
+#[derive(Clone, Debug)]
+struct Variant {
+    values: Vec<String>,
+    machine: Machine,
+    timing: Microarchitecture,
 }
 
 impl Variants {
@@ -137,17 +186,20 @@ impl Variants {
             };
             all = all.iter().map(with).collect::<Result<Vec<_>>>()?.concat();
         }
+        let base = machine;
         let built = |(values, machine): (Vec<String>, Machine)| {
-            let setting = || {
-                let settings = paths
-                    .iter()
-                    .zip(&values)
-                    .map(|(path, value)| format!("{path}={value}"));
-                machines::flag("--timing", &settings.collect::<Vec<_>>().join(" --timing "))
-            };
             let elaborated = fixed::elaborate(&machine)
-                .map_err(|error| Error::input(format!("{}: {error}", setting())))?;
-            Ok((values, elaborated.timing))
+                .and_then(|built| {
+                    draws_as(&machine, base)
+                        .map_err(Error::input)
+                        .map(|()| built)
+                })
+                .map_err(|error| Error::input(format!("{}: {error}", flag(&paths, &values))))?;
+            Ok(Variant {
+                values,
+                machine,
+                timing: elaborated.timing,
+            })
         };
         let machines = if axes.is_empty() {
             Vec::new()
@@ -157,24 +209,50 @@ impl Variants {
         Ok((!axes.is_empty()).then_some(Variants { paths, machines }))
     }
 
-    /// Checks that each machine's walker has enough stack for a frame with this greatest number of
-    /// nodes on it.
+    /// Whether a field of the lists of tiles differs, so that the frame must be recorded with the
+    /// keys and words that these depend on.
+    pub fn changes_lists(&self) -> bool {
+        self.paths.iter().any(|path| !path.starts_with("timing."))
+    }
+
+    /// Checks that each machine can be timed with a record of a scene: stack for its walk, and bits
+    /// of keys for its tiles.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the first machine without, and the stack that is needed.
-    pub fn hold_stack(&self, deepest: u64) -> Result<()> {
-        self.machines.iter().try_for_each(|(values, machine)| {
-            let settings = self
-                .paths
-                .iter()
-                .zip(values)
-                .map(|(path, value)| format!("{path}={value}"));
-            let flag =
-                || machines::flag("--timing", &settings.collect::<Vec<_>>().join(" --timing "));
-            holds_stack(machine.timing.walk, deepest)
-                .map_err(|what| Error::input(format!("{}: {what}", flag())))
+    /// [`Error::Input`] naming the first machine that cannot, and what it needs.
+    pub fn check_scene(&self, scene: &Scene) -> Result<()> {
+        let size = [scene.image.width, scene.image.height];
+        let is_sorted = (scene.ellipsoids.as_ref()).is_some_and(|ellipsoids| ellipsoids.sorted);
+        self.check(|machine| {
+            if let Some(detail) = &scene.detail {
+                holds_stack(machine.timing.walk, detail.cut.deepest as u64)?;
+            }
+            lacks_tile_bits(machine, size)
+                .filter(|_| is_sorted)
+                .map_or(Ok(()), Err)
         })
     }
+
+    /// Checks each machine; the error of the check is a sentence.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first machine that fails, and the sentence.
+    pub fn check(&self, check: impl Fn(&Machine) -> std::result::Result<(), String>) -> Result<()> {
+        self.machines.iter().try_for_each(|variant| {
+            check(&variant.machine).map_err(|what| {
+                Error::input(format!("{}: {what}", flag(&self.paths, &variant.values)))
+            })
+        })
+    }
+}
+
+/// The flags that select these values.
+fn flag(paths: &[String], values: &[String]) -> String {
+    let settings = paths.iter().zip(values);
+    let settings: Vec<String> = settings
+        .map(|(path, value)| format!("{path}={value}"))
+        .collect();
+    machines::flag("--timing", &settings.join(" --timing "))
 }
 
 /// Checks that a walker has enough stack for this number of nodes; the error is a sentence with the
@@ -215,15 +293,18 @@ impl Timings {
         let replayed: Vec<Cycles> = variants
             .machines
             .par_iter()
-            .map(|(_, machine)| frame.replay(machine, Detail::Histograms))
+            .map(|variant| frame.replay(&variant.timing, Detail::Histograms))
             .collect();
         let frames: Vec<_> = variants
             .machines
             .iter()
-            .map(|(_, machine)| machine)
+            .map(|variant| &variant.timing)
             .zip(&replayed)
             .collect();
-        let values = variants.machines.iter().map(|(values, _)| values.clone());
+        let values = variants
+            .machines
+            .iter()
+            .map(|variant| variant.values.clone());
         let row = |(values, cycles): (Vec<String>, CyclesReport)| TimingRow {
             value: values.join(", "),
             values,

@@ -158,7 +158,11 @@ pub fn run(
     memory::check_frame(scene)?;
     let attributed = options.attribution;
     let mut elaborated = fixed::elaborate(machine)?;
-    elaborated.records_choices = options.answers;
+    let changes_lists = options
+        .timings
+        .as_ref()
+        .is_some_and(Variants::changes_lists);
+    elaborated.records_choices = options.answers || changes_lists;
     let elaborated = elaborated;
     let (evaluation, quantise_seconds) = timed(|| Evaluation::on(scene, &elaborated));
     let evaluation = evaluation?;

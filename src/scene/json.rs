@@ -330,7 +330,7 @@ enum SheetOrder {
 }
 
 /// Opacity of an optical depth x: x, limited to 1; or 1 − e^(−x).
-#[derive(Deserialize, JsonSchema, Clone, Copy)]
+#[derive(Deserialize, JsonSchema, Clone, Copy, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 enum OpacityLaw {
     Linear,
@@ -1020,6 +1020,16 @@ fn build(
     }
     if gathered.comes_by_depth() && fields.sheets.order == Some(SheetOrder::BackToFront) {
         return Err(input_error("sheets.order is \"back-to-front\", and samples that are sorted by depth come front-to-back".into()));
+    }
+    if kind == SceneKind::Gaussians {
+        if fields.sheets.order == Some(SheetOrder::BackToFront) {
+            return Err(input_error("sheets.order is \"back-to-front\", and Gaussians come front-to-back: a machine with fragment.sheets.composite, such as cubed, blends them from the back".into()));
+        }
+        if fields.sheets.opacity == Some(OpacityLaw::Exponential) {
+            return Err(input_error(
+                "sheets.opacity is \"exponential\", and the opacity of a Gaussian is its weight: \"linear\", or leave it out".into(),
+            ));
+        }
     }
     let detail = match &fields.level_of_detail {
         None => None,

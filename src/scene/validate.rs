@@ -263,7 +263,7 @@ fn check_range(value: f64, schema: &Value) -> Fits {
     ];
     let limits = laws
         .iter()
-        .filter_map(|(key, word, holds)| schema[key].as_f64().map(|limit| (word, limit, holds)));
+        .filter_map(|(key, word, holds)| Some((word, limit(schema, key)?, holds)));
     let limits: Vec<_> = limits.collect();
     if limits.iter().all(|(_, limit, holds)| holds(&value, limit)) {
         return Ok(());
@@ -277,6 +277,19 @@ fn check_range(value: f64, schema: &Value) -> Fits {
         short(value),
         right.join(" and ")
     )))
+}
+
+/// A limit of a number: the schema's, or that of its type.
+fn limit(schema: &Value, key: &str) -> Option<f64> {
+    let of_type = || match (schema["format"].as_str()?, key) {
+        ("uint8", "maximum") => Some(f64::from(u8::MAX)),
+        ("uint16", "maximum") => Some(f64::from(u16::MAX)),
+        ("uint32", "maximum") => Some(f64::from(u32::MAX)),
+        ("int32", "minimum") => Some(f64::from(i32::MIN)),
+        ("int32", "maximum") => Some(f64::from(i32::MAX)),
+        _ => None,
+    };
+    schema[key].as_f64().or_else(of_type)
 }
 
 /// A number in short form, without rows of zeros.

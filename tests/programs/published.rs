@@ -239,10 +239,7 @@ fn main() -> Result<()> {
         0.96,
         most as f64 / sixteen as f64,
     );
-    let tests = Lists::new(&built("flicker", &[])?.timing, tested).tests();
-    let set = tests
-        .and_then(|tests| tests.masks)
-        .map_or(0, |masks| masks.set);
+    let set = Lists::new(&built("flicker", &[])?.timing, tested).set_bits();
     let of_boxes = fhd.bins(16).entries() as f64 * 256.0;
     table.row(
         "flicker",

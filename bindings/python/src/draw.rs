@@ -67,8 +67,8 @@ pub(crate) fn run(
     done(py, progress, move || {
         fixed::elaborate(&machine)?;
         let timings = Variants::new(&machine, &axes)?;
-        if let (Some(timings), Some(detail)) = (&timings, &scene.detail) {
-            timings.hold_stack(detail.cut.deepest as u64)?;
+        if let Some(timings) = &timings {
+            timings.check_scene(&scene)?;
         }
         let prices = Prices::load_or_default(prices.as_deref())?;
         let options = Options {
@@ -201,7 +201,7 @@ impl Recording {
         let own = self.0.clone();
         let replayed = done(py, None, move || {
             fixed::elaborate(&own.machine)?;
-            own.hold_stack(&axes)?;
+            own.check(&axes)?;
             let prices = answers
                 .then(|| Prices::load_or_default(prices.as_deref()))
                 .transpose()?;

@@ -97,31 +97,42 @@ pub const EXPONENT_BITS: i32 = 8;
 impl Elaboration {
     /// A word on a port or at a multiplier: at most 32 bits.
     pub fn port(&mut self, unit: &'static str, name: &str, word: Word) {
-        let Format {
-            signed, frac_bits, ..
-        } = word.format;
-        let limit = if signed {
-            MAX_OPERAND_BITS
-        } else {
-            MAX_OPERAND_BITS - 1
-        };
-        if word.format.width() > limit {
-            let fits = Format {
-                int_bits: limit - frac_bits.min(limit),
-                frac_bits: frac_bits.min(limit),
-                ..word.format
-            };
+        self.carried(unit, name, word, word.format.signed);
+        self.saturates(unit, name, word);
+    }
+
+    /// The same for values that are signed or never negative.
+    pub fn number(&mut self, unit: &'static str, name: &str, word: Word, signed: bool) {
+        if self.carried(unit, name, word, signed) {
+            self.signedness(unit, name, word, signed);
+        }
+        self.saturates(unit, name, word);
+    }
+
+    /// Whether a port carries a word of this width. The suggestion has the sign that is needed.
+    fn carried(&mut self, unit: &'static str, name: &str, word: Word, signed: bool) -> bool {
+        let limit = |signed: bool| MAX_OPERAND_BITS - i32::from(!signed);
+        let Format { frac_bits, .. } = word.format;
+        let is_carried = word.format.width() <= limit(word.format.signed);
+        self.require(is_carried, || {
             let bits = if word.format.is_float() {
                 "bits from its sign to its last place"
             } else {
                 "bits"
             };
-            self.errors.push(format!(
-                "{unit}.{name} is {word}, {} {bits} on a port that carries {limit}: {fits} would fit",
-                word.format.width()
-            ));
-        }
-        self.saturates(unit, name, word);
+            let fits = Format {
+                signed,
+                int_bits: limit(signed) - frac_bits.min(limit(signed)),
+                frac_bits: frac_bits.min(limit(signed)),
+                ..word.format
+            };
+            format!(
+                "{unit}.{name} is {word}, {} {bits} on a port that carries {}: {fits} would fit",
+                word.format.width(),
+                limit(word.format.signed)
+            )
+        });
+        is_carried
     }
 
     /// Refuses floating-point words.

@@ -288,8 +288,7 @@ impl Machine {
             });
         }
         let sort = &self.sorting()?;
-        e.port(unit::SORT, "key", sort.key);
-        e.signedness(unit::SORT, "key", sort.key, false);
+        e.number(unit::SORT, "key", sort.key, false);
         e.fixed_point(unit::SORT, "key", sort.key);
         e.within(unit::SORT, "digit_bits", sort.digit_bits, 1, 16);
         if let Some(bits) = sort.tile_bits {
@@ -375,8 +374,7 @@ fn check_splat(machine: &Machine, e: &mut Elaboration) {
         ("rgb", splat.rgb, false),
         ("opacity", splat.opacity, false),
     ] {
-        e.port("splat", name, word);
-        e.signedness("splat", name, word, signed);
+        e.number("splat", name, word, signed);
     }
     e.holds_one_or_an_ulp_less(machine, "splat", "rgb", splat.rgb);
     e.holds_one_or_an_ulp_less(machine, "splat", "opacity", splat.opacity);

@@ -203,9 +203,9 @@ fn masks_of(masks: MaskCounts, engines: &[Engine]) -> MaskCounts {
     };
     MaskCounts {
         tested: masks.tested + of_list(|masks| masks.tested),
+        set: masks.set + of_list(|masks| masks.set),
         list_cycles: of_list(|masks| masks.cycles),
         seeds: engines.iter().map(|engine| engine.fill.seeds).sum(),
-        ..masks
     }
 }
 
@@ -262,6 +262,7 @@ struct ListMasks {
     /// Cycle from which the next entry can be tested.
     free: u64,
     tested: u64,
+    set: u64,
     cycles: u64,
 }
 
@@ -273,13 +274,14 @@ impl ListMasks {
             latency: latency.into(),
             free: 0,
             tested: 0,
+            set: 0,
             cycles: 0,
         })
     }
 
-    /// Tests this number of subtiles of an entry from this cycle on; returns the cycle in which
-    /// raster can take it.
-    fn test(&mut self, here: u64, subtiles: u64, is_lifted: bool) -> u64 {
+    /// Tests this number of subtiles of an entry from this cycle on, with this mask as the result;
+    /// returns the cycle in which raster can take it.
+    fn test(&mut self, here: u64, (subtiles, mask): (u64, u64), is_lifted: bool) -> u64 {
         let cycles = if is_lifted {
             0
         } else {
@@ -288,6 +290,7 @@ impl ListMasks {
         let now = here.max(self.free);
         self.free = now + cycles;
         self.tested += subtiles;
+        self.set += u64::from(mask.count_ones());
         self.cycles += cycles;
         now + cycles.saturating_sub(1) + self.latency
     }
@@ -578,7 +581,8 @@ impl<'a> SecondPass<'a> {
         let footprint = &footprints[tile.nth];
         if let Some(masks) = masks {
             let subtiles = self.lists.subtiles(&masks.shape, footprint, tile.place);
-            let here = masks.test(from.0.max(from.1), subtiles, list.is_lifted());
+            let made = (subtiles, self.lists.mask(tile.place, tile.nth));
+            let here = masks.test(from.0.max(from.1), made, list.is_lifted());
             from = (here, 0);
         }
         // The buffer still holds the previous tile.

@@ -203,8 +203,7 @@ impl Colour {
             ("monomial", words.monomial),
             ("basis", words.basis),
         ] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, true);
+            e.number(UNIT, name, word, true);
         }
         let g = &mut Builder::new(e, UNIT);
         let rgb = coloured(g, machine, words);

@@ -144,8 +144,7 @@ fn check(e: &mut Elaboration, machine: &Machine, words: &machine::Contribution) 
         ("conic_cross", words.conic_cross, true),
         ("radial", words.radial, false),
     ] {
-        e.port(UNIT, name, word);
-        e.signedness(UNIT, name, word, signed);
+        e.number(UNIT, name, word, signed);
     }
     // The widest result that is used without being fitted.
     let exact = |conic: Word, of: Word| Exact::from(conic).times(of);

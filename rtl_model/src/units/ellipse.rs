@@ -150,8 +150,7 @@ impl Ellipse {
             ("root_cutoff", m.root_cutoff, false),
             ("depth_range", m.depth_range, false),
         ] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, signed);
+            e.number(UNIT, name, word, signed);
         }
         // A box has an ulp more than the root.
         e.fixed_point(UNIT, "extent", m.extent);
@@ -212,8 +211,7 @@ impl Ellipse {
         let squared = e.times(UNIT, m.size, m.size);
         e.fit(UNIT, "size_squared", m.size_squared, squared);
         m.aspect.map(|aspect| {
-            e.port(UNIT, "aspect", aspect);
-            e.signedness(UNIT, "aspect", aspect, false);
+            e.number(UNIT, "aspect", aspect, false);
             e.holds_one(UNIT, "aspect", aspect);
             e.copies(3, |e| {
                 let product = e.times(UNIT, m.size_squared, aspect);

@@ -306,8 +306,7 @@ impl Fragment {
             "fragment.merge is window where fragment.group is interval or window, and nowhere else".into()
         });
         e.within(UNIT, "opaque_permille", m.opaque_permille, 1, 1000);
-        e.port(UNIT, "normal", m.normal);
-        e.signedness(UNIT, "normal", m.normal, true);
+        e.number(UNIT, "normal", m.normal, true);
         e.holds_one(UNIT, "normal", m.normal);
         e.port(UNIT, "opaque", m.opaque);
         e.holds_one(UNIT, "opaque", m.opaque);
@@ -394,8 +393,7 @@ impl Fragment {
         let shaded = Exact::from(premultiplied);
         let light = premultiplied.format.width();
         let over = if let Some(word) = composite {
-            e.port(UNIT, "composite", word);
-            e.signedness(UNIT, "composite", word, false);
+            e.number(UNIT, "composite", word, false);
             e.fixed_point(UNIT, "fragment.sheets.composite", word);
             // The front's opacity is a weight, and the back is a pixel: no more of their bits are
             // other than 0.

@@ -99,8 +99,7 @@ impl Gauss {
             ("falloff", m.falloff),
             ("weight", m.weight),
         ] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, false);
+            e.number(UNIT, name, word, false);
         }
         e.fixed_point(UNIT, "radial_index", m.radial_index);
         // A word without integer bits holds 1 less an LSB. The table is scaled by that.

@@ -156,8 +156,7 @@ impl Project {
             ("focal", m.focal, false),
             ("pixel", m.pixel, true),
         ] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, signed);
+            e.number(UNIT, name, word, signed);
         }
         e.holds_one(UNIT, "rotation", m.rotation);
         e.require(m.pixel.format.frac_bits >= 1, || {

@@ -414,8 +414,7 @@ impl Raster {
         let is_direct = m.rows == Rows::Direct;
         let f = |word: Word| word.format.frac_bits;
         for (name, word, signed) in [("cutoff", m.cutoff, false), ("offset", m.offset, true)] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, signed);
+            e.number(UNIT, name, word, signed);
         }
         for (name, word) in [("radial", m.radial), ("depth", m.depth)] {
             e.signedness(UNIT, name, word, true);
@@ -430,8 +429,7 @@ impl Raster {
                 format!("raster.square is left out, but exact squares of raster.offset {} need {} bits, and {MAX_WIDTH_BITS} can be held: give raster.square", m.offset, 2 * offset + 1)
             });
             let square = square(machine);
-            e.port(UNIT, "square", square);
-            e.signedness(UNIT, "square", square, true);
+            e.number(UNIT, "square", square, true);
         } else {
             e.port(UNIT, "gradient", m.gradient);
             for (name, word) in [

@@ -82,8 +82,7 @@ impl Resolve {
     pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
         let m = &machine.resolve;
         for (name, word) in [("transmittance", m.transmittance), ("frame", m.frame)] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, false);
+            e.number(UNIT, name, word, false);
             e.holds_one(UNIT, name, word);
         }
         // The transmittances add up to at most 1, as do the layers' parts and the background.

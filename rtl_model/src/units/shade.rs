@@ -170,8 +170,7 @@ impl Shade {
             ("coverage", m.coverage, false),
             ("premultiplied", m.premultiplied, false),
         ] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, signed);
+            e.number(UNIT, name, word, signed);
             e.holds_one(UNIT, name, word);
         }
         // A cosine is the argument of a table, up to the last place below 1.

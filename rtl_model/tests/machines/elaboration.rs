@@ -196,6 +196,11 @@ fn an_elaboration_error_names_the_signal_and_a_format_that_fits() {
             "project.camera is I4F36, 40 bits on a port that carries 32: I0F32 would fit",
         ),
         (
+            "gauss.weight",
+            "FP16",
+            "gauss.weight is FP16, 41 bits from its sign to its last place on a port that carries 32: U7F24S11 would fit",
+        ),
+        (
             "shade.rgb",
             "U0F18",
             "shade.rgb is U0F18 and must hold 1: U1F18 would fit",

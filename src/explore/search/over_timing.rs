@@ -26,7 +26,7 @@ use crate::hardware::quantise::quantise;
 use crate::hardware::searched::{SearchRecord, Target};
 use crate::hardware::{fixed, machines};
 use crate::output::files::{Folder, write_beside};
-use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use crate::output::text::{aligned, counted, plain_table, thousands, wrapped};
 use crate::performance::cost::Prices;
 use crate::performance::cycles::frames_per_second;
 use crate::run::evaluation::Evaluation;
@@ -654,7 +654,8 @@ impl TimingOutcome {
         let views = match self.views.len() {
             0 => "no unseen view was tried".to_owned(),
             count => format!(
-                "fast enough on {count} unseen views, the slowest with {slowest:.1} frames/s"
+                "fast enough on {}, the slowest with {slowest:.1} frames/s",
+                counted(count as u64, "unseen view", "unseen views")
             ),
         };
         let _ = write!(text, "\n{}", wrapped(&views));

@@ -2,7 +2,7 @@
 
 use super::fields::{FIGURES, Notation};
 use super::{ComparedFigure, ComparedUnit, Comparison, Difference, Named, Pictures, UnitSide};
-use crate::output::text::{aligned, clipped, one_line, plain_table, thousands, wrapped};
+use crate::output::text::{aligned, clipped, counted, one_line, plain_table, thousands, wrapped};
 use rtl_model::num::Format;
 use serde_json::Value;
 
@@ -208,7 +208,8 @@ fn fields(differences: &[Difference], head: &str, all: bool) -> Option<String> {
     }
     let rest = differences.len().saturating_sub(most);
     let rest = if rest > 0 {
-        format!("\nand {rest} more fields of the {head}: --all lists them")
+        let fields = if rest == 1 { "field" } else { "fields" };
+        format!("\nand {rest} more {fields} of the {head}: --all lists them")
     } else {
         String::new()
     };
@@ -218,7 +219,7 @@ fn fields(differences: &[Difference], head: &str, all: bool) -> Option<String> {
 /// A value of a field; for an object its number of fields.
 fn plain(value: &Value) -> String {
     match value {
-        Value::Object(fields) => format!("{} fields", fields.len()),
+        Value::Object(fields) => counted(fields.len() as u64, "field", "fields"),
         Value::String(text) => clipped(text),
         other => clipped(&other.to_string()),
     }

@@ -529,6 +529,14 @@ fn errors_of_volumes_and_gaussians_have_the_field_and_the_reason() {
             "splats.place moves splats out of range: positions must be within ±1e30, radii from 1e-30",
         ),
         (
+            json!({"splats": {"gaussians": "bouquet"}, "sheets": {"order": "back-to-front"}}),
+            "sheets.order is \"back-to-front\", and Gaussians come front-to-back: a machine with fragment.sheets.composite, such as cubed, blends them from the back",
+        ),
+        (
+            json!({"splats": {"gaussians": "bouquet"}, "sheets": {"opacity": "exponential"}}),
+            "sheets.opacity is \"exponential\", and the opacity of a Gaussian is its weight: \"linear\", or leave it out",
+        ),
+        (
             of(json!([{"volume": shells}, {"splats": {"gaussians": "rose"}, "place": {}}])),
             "splats[1].splats.gaussians is `rose`; it must be one of bouquet, city",
         ),

@@ -53,7 +53,7 @@ struct Results {
 struct EntryMasks {
     shape: Masks,
     masks: Vec<u64>,
-    /// Subtiles that `bin` tests, and bits that are set in the entries of all lists.
+    /// Subtiles that `bin` tests, and bits that it sets.
     tested: u64,
     set: u64,
 }
@@ -82,7 +82,7 @@ pub struct TileTests {
 pub struct MaskCounts {
     /// Subtiles that were tested.
     pub tested: u64,
-    /// Bits that are set in the entries of all lists.
+    /// Bits that were set.
     pub set: u64,
     /// Cycles of tests in `list`, if it makes the masks: in all engines.
     pub list_cycles: u64,
@@ -119,14 +119,18 @@ impl Lists {
             }
             results.listed[place]
         });
-        let masks = shape.masks.map(|shape| EntryMasks {
-            shape,
-            tested: match shape.made {
-                MaskMaker::Bin => results.tests as u64,
-                MaskMaker::List => 0,
-            },
-            set: masks.iter().map(|mask| u64::from(mask.count_ones())).sum(),
-            masks,
+        let set = masks.iter().map(|mask| u64::from(mask.count_ones())).sum();
+        let masks = shape.masks.map(|shape| {
+            let [tested, set] = match shape.made {
+                MaskMaker::Bin => [results.tests as u64, set],
+                MaskMaker::List => [0; 2],
+            };
+            EntryMasks {
+                shape,
+                tested,
+                set,
+                masks,
+            }
         });
         Lists {
             masks: masks.or_else(|| Some(EntryMasks::recorded(blocks?, work, &listed, side_px))),
@@ -149,6 +153,12 @@ impl Lists {
             entries: self.entries() as u64,
             masks,
         })
+    }
+
+    /// Bits that are set in the masks of all entries, whether `list` reads them or stops before.
+    pub fn set_bits(&self) -> u64 {
+        let masks = self.masks.iter().flat_map(|masks| &masks.masks);
+        masks.map(|mask| u64::from(mask.count_ones())).sum()
     }
 
     /// The mask of an entry, by its tile and its place in the list; all bits without masks.
@@ -274,7 +284,7 @@ impl EntryMasks {
         EntryMasks {
             shape,
             tested: 0,
-            set: masks.iter().map(|mask| u64::from(mask.count_ones())).sum(),
+            set: 0,
             masks,
         }
     }

@@ -96,8 +96,7 @@ impl Ellipsoids {
             ("stretch", words.stretch, true),
             ("ray", words.ray, false),
         ] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, signed);
+            e.number(UNIT, name, word, signed);
         }
         e.holds_one(UNIT, "quaternion", words.quaternion);
         e.holds_one(UNIT, "scale", words.scale);

@@ -71,8 +71,7 @@ impl SheetDatapath {
             return Some(SheetDatapath::of_composite(e, machine, words));
         }
         for (name, word) in [("depth_index", words.depth_index), ("ratio", words.ratio)] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, false);
+            e.number(UNIT, name, word, false);
             e.fixed_point(UNIT, &format!("sheets.{name}"), word);
         }
         e.holds_one(UNIT, "ratio", words.ratio);

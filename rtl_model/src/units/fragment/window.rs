@@ -306,8 +306,7 @@ impl WindowDatapath {
             ("window.part", words.part),
             ("window.through", words.through),
         ] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, false);
+            e.number(UNIT, name, word, false);
             e.holds_one(UNIT, name, word);
             e.fixed_point(UNIT, name, word);
         }
@@ -325,8 +324,7 @@ impl WindowDatapath {
             ("window.exponent", words.exponent),
             ("window.hidden", words.hidden),
         ] {
-            e.port(UNIT, name, word);
-            e.signedness(UNIT, name, word, false);
+            e.number(UNIT, name, word, false);
             e.fixed_point(UNIT, name, word);
         }
         e.holds_one(UNIT, "window.hidden", words.hidden);

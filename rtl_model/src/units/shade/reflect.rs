@@ -190,8 +190,7 @@ impl Reflect {
             ("reflectance", m.reflectance, false),
         ] {
             if is_ray || name != "slope" {
-                e.port(UNIT, name, word);
-                e.signedness(UNIT, name, word, signed);
+                e.number(UNIT, name, word, signed);
                 e.holds_one(UNIT, name, word);
                 e.fixed_point(UNIT, name, word);
             }
