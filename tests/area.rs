@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use splatsim::hardware::{fixed, machines};
 use splatsim::performance::cost::{Cost, DEFAULT, UnitCost};
 use splatsim::performance::given;
+use splatsim::scene::{Overrides, Scene};
 use std::process::Command;
 
 /// A row of the output of `area.sh` or `gates.sh`: machine, unit, LUTs or gates of logic, and the
@@ -390,6 +391,25 @@ fn changes(timing: &Value) -> Vec<(String, Value)> {
     all
 }
 
+/// A built-in scene of 2000 splats and few pixels, so that a replay takes milliseconds.
+fn few(name: &str) -> Scene {
+    let kind = if name == "bouquet" {
+        "gaussians"
+    } else {
+        "builtin"
+    };
+    let text = json!({"splats": {kind: name, "count": 2000}, "image": {"width": 24, "height": 16}});
+    let nothing = &Overrides::default();
+    Scene::from_text(
+        &text.to_string(),
+        name,
+        std::path::Path::new(""),
+        nothing,
+        0,
+    )
+    .unwrap()
+}
+
 #[test]
 fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
     let bought = [
@@ -438,13 +458,7 @@ fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
     let (mut tried, mut marked) = (0, 0);
     for (name, settings, scene) in machines {
         let base = with_least_latencies(name, settings);
-        let scene = splatsim::scene::Scene::load(
-            scene,
-            &splatsim::scene::Overrides {
-                size: Some((24, 16)),
-            },
-        )
-        .unwrap();
+        let scene = few(scene);
         let work = splatsim::run::evaluation::Evaluation::new(&scene, &base)
             .unwrap()
             .observe()

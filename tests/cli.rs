@@ -548,8 +548,11 @@ fn a_frame_is_replayed_with_every_value_of_a_field() {
 /// of the run with the field set.
 #[test]
 fn a_frame_is_replayed_with_other_lists() {
+    let folder = folder();
+    let bouquet = json!({"splats": {"gaussians": "bouquet", "count": 2000}}).to_string();
+    let scene = write(&folder, "bouquet.json", &bouquet);
     let gaussians = [
-        "bouquet",
+        &scene,
         "--size",
         "96x96",
         "--machine",
@@ -904,13 +907,18 @@ fn the_listed_machines_can_be_shown_as_machine_files() {
         "knot.json",
         r#"{"splats": {"builtin": "torus-knot", "count": 2000}}"#,
     );
+    let gaussians = write(
+        &folder,
+        "bouquet.json",
+        r#"{"splats": {"gaussians": "bouquet", "count": 500}}"#,
+    );
     for name in names {
         let shown = says(&["machine", "show", name]);
         let file = write(&folder, &format!("{name}.json"), &shown);
         assert_eq!(says(&["machine", "show", &file]), shown);
         let draws_only_gaussians = ["mixed", "flicker", "cubed"].contains(&name);
         let scene = if draws_only_gaussians {
-            "bouquet"
+            &gaussians
         } else {
             &scene
         };
@@ -921,6 +929,60 @@ fn the_listed_machines_can_be_shown_as_machine_files() {
         };
         assert_eq!(all(&by_file), all(&by_name));
     }
+}
+
+/// The pictures of the book are those of the program, and every graph has one.
+#[test]
+fn datapaths_are_drawn_as_in_the_book() {
+    let folder = folder();
+    let out = folder.path().join("datapaths");
+    let table = says(&[
+        "machine",
+        "datapath",
+        "gaussian",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    let written = names_in(&out);
+    assert_eq!(written.len(), 6, "{written:?}");
+    assert!(
+        written.iter().all(|name| table.contains(name.as_str())),
+        "{table}"
+    );
+    let book = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/datapaths");
+    let kept = names_in(&book);
+    assert_eq!(kept, ["ellipse.svg", "gauss.svg", "project.svg"]);
+    for name in kept {
+        let [drawn, kept] = [&out, &book].map(|folder| std::fs::read_to_string(folder.join(&name)));
+        assert!(drawn.unwrap() == kept.unwrap(), "{name} of the book is old");
+    }
+    let test = folder.path().join("test");
+    says(&[
+        "machine",
+        "datapath",
+        "gaussian",
+        "--set",
+        "bin.test=ellipse",
+        "--out",
+        test.to_str().unwrap(),
+    ]);
+    assert!(
+        names_in(&test).contains(&"bin_tile.svg".to_owned()),
+        "{:?}",
+        names_in(&test)
+    );
+    refused(
+        &[
+            "machine",
+            "datapath",
+            "tiny",
+            "--set",
+            "gauss.weight=I4F40",
+            "--out",
+            out.to_str().unwrap(),
+        ],
+        "gauss.weight is I4F40",
+    );
 }
 
 #[test]

@@ -179,6 +179,9 @@ pub(super) const TIMING: &str = "Latencies and intervals that the machine file l
     is not printed, and memory only if it has a preset: `machine show` prints\n\
     timing.clock_hz and timing.memory.";
 
+pub(super) const DATAPATH: &str = "A box is a word with its format and its wires, below the words that it is made\n\
+    from; white boxes are inputs. Each unit has a file UNIT.svg, or several.";
+
 pub(super) const RTL: &str = "Units whose arithmetic is a graph: project, ellipse or ellipsoid, colour, gauss.\n\
     Words, tables and kind of splats are fixed; ports are those of the units in\n\
     rtl_model/rtl, which are written by hand for all machines.\n\

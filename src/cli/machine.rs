@@ -8,7 +8,8 @@ use crate::cosim::trace::rtl;
 use crate::error::Result;
 use crate::hardware::machines::File;
 use crate::hardware::{fixed, machines};
-use crate::output::files::Folder;
+use crate::output::datapath::Layout;
+use crate::output::files::{Folder, Unwritten, write_all, write_beside};
 use crate::output::text::{aligned, one_line, plain_table};
 use crate::performance::clock;
 use crate::performance::cost;
@@ -18,7 +19,9 @@ use crate::scene::{Overrides, Scene};
 use clap::{Args, Subcommand};
 use comfy_table::CellAlignment;
 use rtl_model::Machine;
+use rtl_model::pipeline::rtl::words;
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Subcommand, Debug)]
@@ -62,6 +65,15 @@ pub(super) enum MachineCommand {
         #[arg(long, value_name = "SCENE")]
         scene: Option<OsString>,
         /// Write the files into DIR
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
+    /// Draw the datapath of each unit that is a graph, as SVG
+    #[command(after_help = help::DATAPATH)]
+    Datapath {
+        #[command(flatten)]
+        which: MachineArgs,
+        /// Write the pictures into DIR
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
@@ -122,6 +134,7 @@ impl MachineCommand {
                     one_line(&out.to_string_lossy())
                 ))
             }
+            MachineCommand::Datapath { which, out } => datapath(&which.load()?, &out),
             MachineCommand::Schema => pretty(&readable(machines::schema())),
         }
     }
@@ -176,5 +189,38 @@ fn prove(machine: &Machine, out: &Path) -> Result<String> {
         "{}\n\ngappa prints nothing for a proof that holds:\n  gappa {}",
         proofs::table(&proofs),
         first.display()
+    ))
+}
+
+fn datapath(machine: &Machine, out: &Path) -> Result<String> {
+    let graphs = words(&fixed::elaborate(machine)?);
+    let _open = Folder::open(out)?;
+    let mut table = plain_table(&["picture", "words", "wires"]);
+    let mut files: Vec<Unwritten> = Vec::new();
+    for graph in &graphs {
+        let layout = Layout::new(&graph.words);
+        let wires: usize = layout.words.iter().map(|placed| placed.word.wires).sum();
+        let name = format!("{}.svg", graph.name);
+        table.add_row([
+            name.clone(),
+            layout.words.len().to_string(),
+            wires.to_string(),
+        ]);
+        let svg = layout.svg(graph.unit, &graph.name);
+        files.push((
+            out.join(name),
+            Box::new(move |path| {
+                write_beside(path, |file| {
+                    file.write_all(svg.as_bytes())
+                        .map_err(|error| error.to_string())
+                })
+            }),
+        ));
+    }
+    write_all(files)?;
+    Ok(format!(
+        "{}\n\nwritten to {}",
+        aligned(table).trim_fmt(),
+        one_line(&out.to_string_lossy())
     ))
 }

@@ -18,10 +18,10 @@ use crate::error::{Error, Result};
 use crate::explore::sweep::table::Table;
 use crate::hardware::{fixed, machines};
 use crate::input;
+use crate::output::datapath::{Layout, Placed};
 use crate::output::text::plain;
 use rtl_model::Machine;
-use rtl_model::graph::flow::Flow;
-use rtl_model::pipeline::rtl;
+use rtl_model::pipeline::rtl::{self, Words};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -394,16 +394,20 @@ impl ResultFolder {
     }
 }
 
-/// The words of each unit that is a graph, and the words that each is made from.
+/// The words of each graph, with their places in its picture.
 fn datapaths(machine: &Machine) -> Value {
     let Ok(elaborated) = fixed::elaborate(machine) else {
         return json!([]);
     };
-    let of = |(unit, words): (&str, Vec<Flow>)| {
-        let word = |word: Flow| json!({"name": word.name, "format": word.format, "wires": word.wires, "from": word.from});
-        json!({"unit": unit, "words": words.into_iter().map(word).collect::<Vec<_>>()})
+    let of = |graph: &Words| {
+        let layout = Layout::new(&graph.words);
+        let word = |Placed { word, x, y }: &Placed| json!({"name": word.name, "format": word.format, "wires": word.wires, "from": word.from, "x": x, "y": y});
+        json!({
+            "unit": graph.unit, "name": graph.name, "size_px": layout.size_px,
+            "words": layout.words.iter().map(word).collect::<Vec<_>>(),
+        })
     };
-    rtl::flows(&elaborated).into_iter().map(of).collect()
+    rtl::words(&elaborated).iter().map(of).collect()
 }
 
 impl DrawnRun {

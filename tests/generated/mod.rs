@@ -337,7 +337,7 @@ fn line(words: &[i64], ports: &[Port]) -> String {
 
 /// Results of a datapath for each of these inputs, on Icarus.
 fn results(folder: &Path, datapath: &Datapath, items: &[Vec<i64>]) -> Vec<String> {
-    let Datapath { module, name } = datapath;
+    let Datapath { module, name, .. } = datapath;
     let width = |ports: &[Port]| ports.iter().map(|port| port.bits).sum::<i32>();
     let (inputs, outputs) = (&module.inputs, &module.outputs);
     let list = |ports: &[Port]| {

@@ -265,6 +265,18 @@ pub struct Datapath {
     pub module: Module,
     /// Name of the module.
     pub name: String,
+    words: Words,
+}
+
+/// The words of a graph.
+#[derive(Clone, Debug)]
+pub struct Words {
+    /// The unit that has it.
+    pub unit: &'static str,
+    /// The unit, or what this graph of it does.
+    pub name: String,
+    /// Its words, each after those that it is made from.
+    pub words: Vec<Flow>,
 }
 
 const CONIC: [&str; 3] = ["conic_xx", "conic_xy", "conic_yy"];
@@ -280,17 +292,34 @@ const SIDES: [&str; 4] = ["first_column", "last_column", "first_row", "last_row"
 const STATE: [&str; 4] = ["transmittance", "sum_red", "sum_green", "sum_blue"];
 
 fn datapath<const OUTPUTS: usize>(
-    name: &str,
+    (unit, name): (&'static str, &str),
     graph: &Graph<OUTPUTS>,
     signals: &[Signal],
     inputs: &[&[&str]],
     outputs: [&str; OUTPUTS],
 ) -> Datapath {
     let inputs: Vec<String> = inputs.concat().into_iter().map(str::to_owned).collect();
-    let name = format!("{name}_datapath");
+    let words: Vec<Option<String>> = (inputs.iter())
+        .map(|input| Some(without_axis(input).to_owned()))
+        .collect();
+    let module = format!("{name}_datapath");
     Datapath {
-        module: graph.module(signals, &name, &inputs, outputs),
-        name,
+        module: graph.module(signals, &module, &inputs, outputs),
+        name: module,
+        words: Words {
+            unit,
+            name: name.to_owned(),
+            words: graph.flow(signals, &words),
+        },
+    }
+}
+
+/// A name without its axis, or its row and column.
+fn without_axis(name: &str) -> &str {
+    match name.rsplit_once('_') {
+        Some((base, "x" | "y" | "z")) => base,
+        Some((base, end)) if end.bytes().all(|byte| byte.is_ascii_digit()) => base,
+        _ => name,
     }
 }
 
@@ -301,14 +330,14 @@ pub fn datapaths(elaborated: &Elaborated) -> Vec<Datapath> {
     let signals = &elaborated.signals[..];
     let mut all = vec![
         datapath(
-            "resolve_layer",
+            (unit::RESOLVE, "resolve_layer"),
             layer,
             signals,
             &[&STATE, &["red", "green", "blue", "opacity"]],
             ["behind", "next_red", "next_green", "next_blue"],
         ),
         datapath(
-            "resolve_frame",
+            (unit::RESOLVE, "resolve_frame"),
             frame,
             signals,
             &[
@@ -322,7 +351,7 @@ pub fn datapaths(elaborated: &Elaborated) -> Vec<Datapath> {
         let e = &mut Elaboration::default();
         let splat = words.splat_in(e);
         all.push(datapath(
-            "bin_splat",
+            (unit::BIN, "bin_splat"),
             &splat,
             &e.signals,
             &[
@@ -336,7 +365,7 @@ pub fn datapaths(elaborated: &Elaborated) -> Vec<Datapath> {
         let e = &mut Elaboration::default();
         let tile = words.tile_in(e);
         all.push(datapath(
-            "bin_tile",
+            (unit::BIN, "bin_tile"),
             &tile,
             &e.signals,
             &[&CONIC, &BOUNDS, &SIDES],
@@ -345,7 +374,7 @@ pub fn datapaths(elaborated: &Elaborated) -> Vec<Datapath> {
     }
     if let Some(unit) = &elaborated.contribution {
         all.push(datapath(
-            "contribution",
+            (unit::CONTRIBUTION, "contribution"),
             unit.graph(),
             signals,
             &[
@@ -386,9 +415,8 @@ pub fn files(elaborated: &Elaborated, frame: &Frame) -> Vec<Listing> {
     files
 }
 
-/// The words of each unit that is a graph, by the unit's name, of the kind of splat that takes
-/// longest.
-pub fn flows(elaborated: &Elaborated) -> Vec<(&'static str, Vec<Flow>)> {
+/// The words of all graphs, of the kind of splat that takes longest.
+pub fn words(elaborated: &Elaborated) -> Vec<Words> {
     let kind = Kind {
         ellipsoids: elaborated.machine.ellipse.ellipsoid.is_some(),
         harmonics: elaborated
@@ -409,6 +437,7 @@ pub fn flows(elaborated: &Elaborated) -> Vec<(&'static str, Vec<Flow>)> {
             .map(|unit| writer.flow(unit)),
     );
     all.push(writer.flow(&gauss(elaborated)));
+    all.extend(datapaths(elaborated).into_iter().map(|graph| graph.words));
     all
 }
 
@@ -458,7 +487,7 @@ impl<'a> Writer<'a> {
     }
 
     /// The words of a unit.
-    fn flow<const OUTPUTS: usize>(&self, unit: &Unit<'_, OUTPUTS>) -> (&'static str, Vec<Flow>) {
+    fn flow<const OUTPUTS: usize>(&self, unit: &Unit<'_, OUTPUTS>) -> Words {
         let into = format!("{}.in", unit.stream);
         let signals = &self.elaborated.signals;
         // A register may have the format of a word that the unit makes.
@@ -468,14 +497,8 @@ impl<'a> Writer<'a> {
             let stream = self.streams.iter().find(|known| known.name == stream);
             let field = stream?.fields.iter().find(|field| field.name == name)?;
             let signal = field.signal.clone()?;
-            // Without its axis, or its row and column.
-            let base = match name.rsplit_once('_') {
-                Some((base, "x" | "y" | "z")) => base,
-                Some((base, end)) if end.bytes().all(|byte| byte.is_ascii_digit()) => base,
-                _ => name,
-            };
             Some(if is_made(&signal) {
-                format!("{}.{base}", unit.stream)
+                format!("{}.{}", unit.stream, without_axis(name))
             } else {
                 signal
             })
@@ -490,8 +513,11 @@ impl<'a> Writer<'a> {
             Source::Below(..) | Source::Opposite(_) | Source::OneLess(_) => None,
         };
         let names: Vec<Option<String>> = unit.inputs.iter().map(name).collect();
-        let words = unit.graph.flow(signals, &names);
-        (unit.stream, words)
+        Words {
+            unit: unit.stream,
+            name: unit.stream.to_owned(),
+            words: unit.graph.flow(signals, &names),
+        }
     }
 
     fn stream(&self, name: &str) -> &Stream {

@@ -12,7 +12,20 @@ pub use light::*;
 pub use setup::*;
 pub use words::*;
 
-use crate::num::Word;
+use crate::num::{Exact, Word};
+
+/// Bits of a column or a row: a picture has up to 16384.
+pub const PIXEL_BITS: i32 = 14;
+/// A column or a row.
+pub const PLACE: Exact = Exact {
+    int_bits: PIXEL_BITS,
+    frac_bits: 0,
+};
+/// The picture's middle, which is up to 8192 pixels from its first pixel.
+pub const MIDDLE: Exact = Exact {
+    int_bits: PIXEL_BITS,
+    frac_bits: 1,
+};
 
 /// A named place where bits can be lost.
 #[derive(Clone, Debug, PartialEq, Eq)]

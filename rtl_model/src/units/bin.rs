@@ -57,21 +57,10 @@ use crate::elaboration::{Elaboration, Operator, Part};
 use crate::graph::{Builder, Graph, Wire};
 use crate::machine::{BinTest, Machine, MaskMaker, Rows};
 use crate::num::{Exact, Format, Rounding, Word, two};
-use crate::records::unit;
+use crate::records::{MIDDLE, PIXEL_BITS, PLACE, unit};
 
 const UNIT: &str = unit::BIN;
 
-/// Bits of a column or a row: a picture has up to 16384.
-const PIXEL_BITS: i32 = 14;
-const PLACE: Exact = Exact {
-    int_bits: PIXEL_BITS,
-    frac_bits: 0,
-};
-/// The picture's middle is up to 8192 pixels from its first pixel.
-const MIDDLE: Exact = Exact {
-    int_bits: PIXEL_BITS,
-    frac_bits: 1,
-};
 /// Widest operand of a product here, bits.
 const OPERAND_BITS: i32 = 31;
 

@@ -27,21 +27,9 @@ use crate::elaboration::{Elaboration, Operator};
 use crate::graph::{Asked, Builder, Graph, Program, Wire};
 use crate::machine::{self, Leaders, Machine};
 use crate::num::{Exact, Word, two};
-use crate::records::unit;
+use crate::records::{MIDDLE, PIXEL_BITS, PLACE, unit};
 
 const UNIT: &str = unit::CONTRIBUTION;
-
-/// Bits of a column or a row: a picture has up to 16384.
-const PIXEL_BITS: i32 = 14;
-const PLACE: Exact = Exact {
-    int_bits: PIXEL_BITS,
-    frac_bits: 0,
-};
-/// The picture's middle is up to 8192 pixels from its first pixel.
-const MIDDLE: Exact = Exact {
-    int_bits: PIXEL_BITS,
-    frac_bits: 1,
-};
 
 /// Most leaders of a block.
 pub const MOST_LEADERS: usize = 4;

@@ -33,7 +33,7 @@ use crate::functions::{Reciprocal, ReciprocalRoot};
 use crate::graph::{Asked, Builder, Graph, Power, Program, Wire};
 use crate::machine::Machine;
 use crate::num::{Exact, Fit, Format, Rounding, Word, three, two};
-use crate::records::unit;
+use crate::records::{MIDDLE, PLACE, unit};
 use std::sync::OnceLock;
 
 use ellipsoid::Ellipsoids;
@@ -520,11 +520,6 @@ impl Ellipse {
 
 /// First and last columns and rows, before they are clipped to the picture.
 const EDGE: Word = Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate);
-/// The picture's middle is up to 8192 pixels from its first pixel.
-const MIDDLE: Exact = Exact {
-    int_bits: 14,
-    frac_bits: 1,
-};
 
 /// Wires that the parts of the unit share.
 struct Wires {
@@ -597,7 +592,7 @@ fn set_up(
         .map(|word| three!(_i => g.input(word)));
     let size = two!(_axis => {
         let first_centre = g.state(MIDDLE, false);
-        [first_centre, g.state(Exact { int_bits: 14, frac_bits: 0 }, false)]
+        [first_centre, g.state(PLACE, false)]
     });
     let w = Wires {
         radius,

@@ -98,69 +98,15 @@ const machinePage = (report, datapaths, cycles, tiles) => {
       h('h3', {}, 'Stalls'), table(['', 'items', ...STATES, 'starved by', 'blocked by'], stalls),
       deepest.length > 1 ? [h('h3', {}, 'Occupancy of its output FIFO'), bars(deepest.map((count, nth) => [String(nth), count]))] : [],
       cost ? [h('h3', {}, 'Area'), h('p', {}, `${readable(Math.round(cost.area))} LUT equivalents, ${share(cost.area, area)} of the machine: ${['multiplier', 'adder', 'multiplexer', 'register', 'rom'].map(part => `${part} ${readable(cost[part])}`).join(', ')} bits; ${readable(cost.blocks_18)} blocks of 18×18.`)] : [],
-      datapathOf(kind),
+      datapathsOf(kind),
       signals.length ? [h('h3', {}, 'Ranges'), h('p', { class: 'faint' }, 'Words by powers of two of their magnitude; zeros at the left. Lines mark the range of the format.'), ...signals.map(rangeOf)] : [],
     ].flat().filter(Boolean);
   };
-  // The words of a unit, row by row after those that they are made from.
-  const datapathOf = kind => {
-    const words = datapaths.find(one => one.unit === kind)?.words ?? [];
-    if (!words.length) return [];
-    const BOX = 138, HIGH = 46, GAP = 14, ROW = 92, ACROSS = Math.max(2, Math.floor(Math.min(860, innerWidth - 60) / (BOX + GAP)));
-    const named = new Map(words.map((word, nth) => [word.name, { ...word, nth, level: 0, readers: [] }]));
-    let all = [...named.values()];
-    const earlier = word => word.from.map(name => named.get(name)).filter(source => source.nth < word.nth);
-    all.forEach(word => { word.level = Math.max(0, ...earlier(word).map(source => source.level + 1)); earlier(word).forEach(source => source.readers.push(word)); });
-    all = all.filter(word => word.from.length || word.readers.length);
-    // An input is above the first word that reads it.
-    all.filter(word => !word.from.length && word.readers.length).forEach(word => { word.level = Math.min(...word.readers.map(reader => reader.level)) - 1; });
-    const rows = [];
-    [...new Set(all.map(word => word.level))].sort((a, b) => a - b).forEach(level => {
-      const row = all.filter(word => word.level === level);
-      row.forEach(word => { const above = earlier(word).filter(source => source.x !== undefined); word.middle = above.length ? above.reduce((sum, source) => sum + source.x, 0) / above.length : word.nth * 1e-3; });
-      row.sort((a, b) => a.middle - b.middle || a.nth - b.nth);
-      for (let first = 0; first < row.length; first += ACROSS) {
-        const part = row.slice(first, first + ACROSS), left = (ACROSS - part.length) * (BOX + GAP) / 2;
-        part.forEach((word, nth) => { word.x = left + nth * (BOX + GAP) + BOX / 2; word.y = 8 + rows.length * ROW; });
-        rows.push(part);
-      }
-    });
-    const wide = ACROSS * (BOX + GAP), high = rows.length * ROW - ROW + HIGH + 16;
-    const edges = all.flatMap(word => word.from.map(name => [named.get(name), word])).map(([from, to]) => {
-      const [x, y, u, v] = [from.x, from.y + HIGH, to.x, to.y], bend = Math.max(18, Math.abs(v - y) / 2);
-      return { from, to, line: svg('path', { d: `M${x},${y}C${x},${y + bend} ${u},${v - bend} ${u},${v - 1}`, fill: 'none', stroke: 'var(--faint)', 'stroke-width': 1, opacity: 0.45 }) };
-    });
-    const light = word => edges.forEach(({ from, to, line }) => { const on = from === word || to === word; line.setAttribute('stroke', on ? 'var(--c0)' : 'var(--faint)'); line.setAttribute('stroke-width', on ? 2 : 1); line.setAttribute('opacity', on ? 1 : word ? 0.15 : 0.45); });
-    const boxes = all.map(word => {
-      const [unit, ...rest] = word.name.split('.'), name = unit === kind ? rest.join('.') : word.name;
-      const signal = report?.signals.find(one => `${one.unit}.${one.name}` === word.name || `${one.unit}.${one.name}` === word.name + '.result');
-      const error = report?.attribution?.words.find(one => one.name === word.name)?.alone, exact = error && !(error.psnr_db < 200);
-      const outside = signal ? signal.saturated_low + signal.saturated_high + signal.wrapped : 0;
-      const [, signed, integer, fraction] = /^([UI])(-?\d+)F(-?\d+)$/.exec(word.format ?? '') ?? [];
-      const places = Number(integer) + Number(fraction) - (signed === 'I' ? 1 : 0);
-      // Bits from the least place to the top of the greatest word.
-      const top = signal?.histogram.counts.length ? signal.histogram.first_log2 + signal.histogram.counts.length + Number(fraction) : 0;
-      const used = places > 0 ? Math.min(1, Math.max(0, top / places)) : 0;
-      const facts = [signal ? `${readable(signal.words)} words` : word.from.length ? 'not used in this frame' : 'input', top ? `${Math.min(places, top)} of ${places} bits used` : null, outside ? `${readable(outside)} out of range` : null, error ? (exact ? 'no error alone' : `${error.psnr_db.toFixed(1)} dB alone`) : null].filter(Boolean);
-      const shown = name.length > 20 ? name.slice(0, 19) + '…' : name;
-      const group = svg('g', { class: 'word', tabindex: 0, role: 'button', 'aria-label': `${word.name} ${word.format ?? ''}: ${facts.join(', ')}`, 'data-word': word.name },
-        svg('rect', { x: word.x - BOX / 2, y: word.y, width: BOX, height: HIGH, rx: 6, fill: word.from.length ? 'var(--raised)' : 'var(--ground)', stroke: outside ? 'var(--c1)' : 'var(--line)', 'stroke-width': outside ? 2 : 1, 'stroke-dasharray': !word.from.length || signal ? '' : '4 3' }),
-        textAt(word.x - BOX / 2 + 7, word.y + 16, shown), textAt(word.x - BOX / 2 + 7, word.y + 31, `${word.format ?? ''}${word.wires > 1 ? ` ×${word.wires}` : ''}`, 'faint'),
-        !error || exact ? null : textAt(word.x + BOX / 2 - 7, word.y + 31, `${error.psnr_db.toFixed(0)} dB`, 'faint', 'end'),
-        svg('rect', { x: word.x - BOX / 2 + 7, y: word.y + 36, width: BOX - 14, height: 4, fill: 'var(--line)', opacity: top ? 1 : 0 }),
-        svg('rect', { x: word.x + BOX / 2 - 7 - (BOX - 14) * used, y: word.y + 36, width: (BOX - 14) * used, height: 4, fill: 'var(--c0)' }));
-      const show = () => { const curve = detail.querySelector(`[data-signal="${CSS.escape(word.name)}"]`) ?? detail.querySelector(`[data-signal="${CSS.escape(word.name + '.result')}"]`); if (curve) { curve.open = true; curve.scrollIntoView({ block: 'center' }); } };
-      group.addEventListener('pointerenter', () => light(word));
-      group.addEventListener('focus', () => light(word));
-      group.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, h('b', {}, word.name), facts.join('; ')));
-      group.addEventListener('pointerleave', () => { light(null); tip.hide(); });
-      group.addEventListener('click', show);
-      group.addEventListener('keydown', event => { if (event.key === 'Enter' || event.key === ' ') { event.preventDefault(); show(); } });
-      return group;
-    });
-    const attributed = report?.attribution ? ' dB: the error of the picture if this word alone is rounded.' : ' With run --attribute each word also shows its error.';
-    return [h('h3', {}, 'Datapath'), h('p', { class: 'faint' }, `Words from top to bottom, each below those that it is made from. The bar shows how many of its bits the frame needs, from the right; an orange frame marks words out of range.${attributed} A click shows the range of a word.`),
-      svg('svg', { viewBox: `0 0 ${wide} ${high}`, width: wide, height: high, role: 'group', 'aria-label': `datapath of ${kind}`, class: 'datapath' }, edges.map(edge => edge.line), boxes)];
+  // The words of each graph of a unit, each below those that it is made from.
+  const datapathsOf = kind => {
+    const graphs = datapaths.filter(one => one.unit === kind);
+    if (!graphs.length) return [];
+    return svg('svg', { viewBox: `0 0 ${wide} ${high}`, width: wide, height: high, role: 'group', 'aria-label': `datapath of ${graph.name}`, class: 'datapath' }, edges.map(edge => edge.line), boxes);
   };
   const bars = entries => {
     const most = Math.max(...entries.map(([, count]) => count), 1), step = Math.min(26, 700 / entries.length), wide = step * entries.length + 20;
