@@ -1,6 +1,7 @@
 //! Attribution: mixed precision draws some words in their formats and the others in f64. With no
 //! word in its format it draws `golden`, with every word the machine.
 
+use crate::handmade::thinned;
 use crate::mutation::{differences, mutated, mutations, named};
 use crate::tier::{self, Tier};
 use proptest::strategy::{Strategy, ValueTree};
@@ -23,17 +24,6 @@ const SCENES: [&str; 4] = ["glass-spheres", "checkerboard", "torus-knot", "terra
 
 fn scene(name: &str, size: (usize, usize)) -> Scene {
     Scene::load(name, &Overrides { size: Some(size) }).unwrap()
-}
-
-/// Every n-th splat, enlarged: as much overlap with less work.
-fn thinned(mut scene: Scene, splats: usize) -> Scene {
-    let every = scene.splats.len() / splats + 1;
-    scene.splats = scene.splats.iter().step_by(every).copied().collect();
-    scene
-        .splats
-        .iter_mut()
-        .for_each(|splat| splat.radius *= (every as f64).sqrt());
-    scene
 }
 
 fn golden(scene: &Scene, machine: &Machine) -> Rendering {
@@ -102,9 +92,10 @@ fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
 fn surfaces(size: (usize, usize)) -> Vec<(Scene, Machine)> {
     let names = Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES);
     let on = |name| {
+        let scene = thinned(scene(name, size), 20_000);
         names
             .clone()
-            .map(move |machine| (scene(name, size), Machine::named(machine).unwrap()))
+            .map(move |machine| (scene.clone(), Machine::named(machine).unwrap()))
     };
     SCENES.into_iter().flat_map(on).collect()
 }

@@ -1,6 +1,7 @@
 //! Does the error bound hold? The machine with `golden` in lockstep, on built-in scenes, real scans
 //! and random machines.
 
+use crate::handmade::thinned;
 use crate::mutation::{differences, mutated, mutations, named};
 use crate::shared_input;
 use crate::tier::{self, Tier};
@@ -42,7 +43,7 @@ fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() 
         return;
     }
     for name in ["glass-spheres", "checkerboard", "torus-knot", "terrain"] {
-        let scene = scene(name, (192, 160));
+        let scene = thinned(scene(name, (192, 160)), 20_000);
         for machine in Machine::NAMES {
             let frame = in_lockstep(&scene, &Machine::named(machine).unwrap());
             assert_eq!(fault(&frame), None, "{name} on {machine}");
@@ -108,6 +109,7 @@ fn no_pixel_exceeds_its_bound_through_any_lens() {
     ] {
         let load = || match name {
             "mirrors" => Scene::from_text(mirrors, name, Path::new(""), &overrides, 0).unwrap(),
+            "glass-spheres" => thinned(scene(name, (width, height)), 20_000),
             _ => scene(name, (width, height)),
         };
         let settings = if name == "mirrors" {
@@ -181,7 +183,7 @@ fn a_sampled_frame_has_the_results_of_the_whole_frame_in_its_tiles() {
         return;
     }
     for (scene, name) in [
-        (scene("glass-spheres", (150, 100)), "tiny"),
+        (thinned(scene("glass-spheres", (150, 100)), 20_000), "tiny"),
         (scene("nested-shells", (90, 70)), "volume"),
     ] {
         let machine = Machine::named(name).unwrap();
@@ -249,16 +251,7 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
         scene("torus-knot", (48, 40)),
         scene("glass-spheres", (40, 40)),
     ]
-    .map(|mut scene| {
-        // Every n-th splat, enlarged: as much overlap with less work.
-        let every = scene.splats.len() / 2000 + 1;
-        scene.splats = scene.splats.iter().step_by(every).copied().collect();
-        scene
-            .splats
-            .iter_mut()
-            .for_each(|splat| splat.radius *= (every as f64).sqrt());
-        scene
-    });
+    .map(|scene| thinned(scene, 2000));
     let mut runner = TestRunner::deterministic();
     let (mut drawn, mut asked) = (0, 0);
     while drawn < MACHINES {

@@ -1,7 +1,7 @@
 //! Reflection: does a mirror show its environment, is a finer map more accurate, does the machine
 //! stay within its bound, and is a broken environment picture refused?
 
-use crate::handmade::{self, Rng};
+use crate::handmade::{self, Rng, thinned};
 use crate::program::PROGRAM;
 use assert_cmd::Command;
 use glam::DVec3;
@@ -38,14 +38,10 @@ fn spheres(size: (usize, usize)) -> Scene {
         env!("CARGO_MANIFEST_DIR"),
         "/docs/book/reflection/spheres.json"
     );
-    let mut scene = Scene::load(path, &Overrides { size: Some(size) }).unwrap();
-    let every = scene.splats.len() / 2000 + 1;
-    scene.splats = scene.splats.iter().step_by(every).copied().collect();
-    scene
-        .splats
-        .iter_mut()
-        .for_each(|splat| splat.radius *= (every as f64).sqrt());
-    scene
+    thinned(
+        Scene::load(path, &Overrides { size: Some(size) }).unwrap(),
+        2000,
+    )
 }
 
 fn drawn(scene: &Scene, machine: &Machine) -> Picture {

@@ -138,7 +138,7 @@ pub fn trace(
     let kind = Kind::of(&frame);
     if elaborated.tests_blocks(&frame).is_some() && window.stimulus.is_none() {
         return Err(Error::input(
-            "the machine's `contribution` leaves out blocks of pixels, and records of raster have no mask: leave `contribution` out, or use --stimulus",
+            "the machine's `contribution` leaves out blocks of pixels, and records of raster have no mask: leave `contribution` out, or use --stimulus without --waves",
         ));
     }
     let rectangle = window.check(&frame)?;

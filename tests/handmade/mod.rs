@@ -4,6 +4,19 @@
 use glam::DVec3;
 use splatsim::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface};
 
+/// A scene of discs with about `splats` of them: every n-th one, enlarged, so that as many overlap in
+/// a pixel and fewer are set up.
+pub fn thinned(mut scene: Scene, splats: usize) -> Scene {
+    let every = scene.splats.len() / splats + 1;
+    scene.splats = scene.splats.iter().step_by(every).copied().collect();
+    let wider = (every as f64).sqrt();
+    scene
+        .splats
+        .iter_mut()
+        .for_each(|splat| splat.radius *= wider);
+    scene
+}
+
 /// A scene seen along +z, x right, y down, with `s` pixels per unit of `t_x/t_z`; black transparent
 /// background.
 pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
