@@ -14,10 +14,11 @@ use crate::error::Result;
 use crate::golden;
 use crate::golden::{Rendering, Rules};
 use crate::hardware::fixed;
-use crate::hardware::quantise::{Quantised, quantise};
+use crate::hardware::quantise::{Quantised, quantise, quantise_after};
 use crate::output::picture::Picture;
 use crate::run::detail;
 use crate::scene::Scene;
+use rtl_model::frame::ListsBefore;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::work::Work;
 use rtl_model::{Drawing, Machine};
@@ -82,6 +83,26 @@ impl<'a> Evaluation<'a> {
             machine: Cow::Borrowed(machine),
             quantised,
         })
+    }
+
+    /// The next frame of a sequence on a machine that is already elaborated; `lists` is what it has
+    /// in memory after the frame before, and none before the first one.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Input`] if the machine cannot hold the scene.
+    pub fn after(scene: &'a Scene, machine: &'a Elaborated, lists: ListsBefore) -> Result<Self> {
+        let scene = detail::within_budget(scene, machine)?;
+        let quantised = quantise_after(&scene, &machine.machine, lists)?;
+        Ok(Evaluation {
+            scene,
+            machine: Cow::Borrowed(machine),
+            quantised,
+        })
+    }
+
+    /// What the machine has in memory after the frame, for the next one.
+    pub fn lists_after(&self) -> ListsBefore {
+        fixed::lists_after(&self.machine, &self.quantised)
     }
 
     /// The machine's rules for fragments.

@@ -16,7 +16,7 @@ use crate::accuracy::flicker::{FlickerSums, Pictures};
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::fixed;
-use crate::hardware::quantise::quantise;
+use crate::hardware::quantise::quantise_after;
 use crate::output::files::{Unwritten, remove_if_there, write_all, write_beside};
 use crate::output::picture::Picture;
 use crate::output::progress::Progress;
@@ -28,6 +28,7 @@ use crate::run::report::{Distances, MachineReport};
 use crate::run::timed;
 use crate::scene::{Scene, Sequence, memory};
 use rtl_model::Machine;
+use rtl_model::frame::ListsBefore;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{self, Detail};
 use std::path::{Path, PathBuf};
@@ -61,7 +62,7 @@ pub fn check(sequence: &mut Sequence, machine: &Machine) -> Result<()> {
                 .is_some()
         });
         if !is_open {
-            quantise(scene, machine).map_err(|error| match error {
+            quantise_after(scene, machine, None).map_err(|error| match error {
                 Error::Input(sentence) => Error::input(format!("frame {frame}: {sentence}")),
                 job @ Error::Job(_) => job,
             })?;
@@ -106,7 +107,7 @@ pub fn run(
         .as_deref()
         .map(|path| Video::create(path, scene.width, scene.height))
         .transpose()?;
-    let (mut frames, mut before) = (Vec::new(), None);
+    let (mut frames, mut before, mut lists) = (Vec::new(), None, None);
     let mut all = FlickerSums::default();
     let mut host = Host {
         threads: rayon::current_num_threads(),
@@ -115,7 +116,7 @@ pub fn run(
     };
     for number in 0..sequence.cameras().len() {
         let seen = sequence.frame(number)?;
-        let drawn = DrawnFrame::new(seen, &elaborated, &mut host)?;
+        let drawn = DrawnFrame::new(seen, &elaborated, &mut lists, &mut host)?;
         let encoded = seen.image.encoded;
         let Pictures { golden, fixed, .. } = &drawn.pictures;
         let against = photographs
@@ -173,8 +174,16 @@ struct DrawnFrame {
 }
 
 impl DrawnFrame {
-    fn new(scene: &Scene, machine: &Elaborated, host: &mut Host) -> Result<Self> {
-        let evaluation = Evaluation::on(scene, machine)?;
+    /// Draws the next frame; `lists` is what the machine has in memory before it, and then after
+    /// it.
+    fn new(
+        scene: &Scene,
+        machine: &Elaborated,
+        lists: &mut ListsBefore,
+        host: &mut Host,
+    ) -> Result<Self> {
+        let evaluation = Evaluation::after(scene, machine, lists.take())?;
+        *lists = evaluation.lists_after();
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
         let overflows = observed.overflows();
         let Observed {

@@ -612,6 +612,7 @@ pub(super) fn gaussian() -> Machine {
             key: unsigned(1, 23),
             tile_bits: None,
             digit_bits: 8,
+            incremental: None,
         }),
         gauss: Gauss {
             radial_index: unsigned(4, 16),

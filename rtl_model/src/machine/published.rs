@@ -222,6 +222,7 @@ pub(super) fn cubed() -> Machine {
             key: unsigned(1, 15),
             tile_bits: None,
             digit_bits: 8,
+            incremental: None,
         }),
         raster: Raster {
             rows: Rows::Direct,

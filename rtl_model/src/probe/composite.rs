@@ -2,6 +2,7 @@
 //! drawing.
 
 use super::{Meters, Probe, Ranges};
+use crate::frame::MergedLists;
 use crate::num::{Fit, LANES, LimitedWords, Words};
 use crate::records::{Decision, Signal};
 use crate::work::{CULLED, Recorder, TestedWords, Work};
@@ -122,6 +123,10 @@ impl Probe for Composite {
 
     fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         Probe::sorted(&mut self.recorder, order, keys);
+    }
+
+    fn merged(&mut self, lists: MergedLists) {
+        Probe::merged(&mut self.recorder, lists);
     }
 
     fn tested(&mut self, words: Vec<TestedWords>, cutoff: i64) {

@@ -1,6 +1,7 @@
 //! Recorder: a probe that records [work](crate::work).
 
 use super::Probe;
+use crate::frame::MergedLists;
 use crate::records::Decision;
 use crate::work::{CULLED, Event, Recorder, TestedWords};
 
@@ -24,6 +25,10 @@ impl Probe for Recorder {
 
     fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         Recorder::sorted(self, order, keys);
+    }
+
+    fn merged(&mut self, lists: MergedLists) {
+        Recorder::merged(self, lists);
     }
 
     fn tested(&mut self, words: Vec<TestedWords>, cutoff: i64) {

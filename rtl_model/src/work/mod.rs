@@ -15,6 +15,9 @@
 
 mod sound;
 
+use crate::frame::lists::{clipped, touches};
+use crate::frame::{MergedList, MergedLists};
+
 use serde::{Deserialize, Serialize};
 
 /// Side of a recorded tile, pixels.
@@ -262,6 +265,10 @@ pub struct Work {
     /// it; else empty.
     #[serde(skip)]
     pub keys: Vec<u32>,
+    /// On a machine that keeps lists from frame to frame: the lists of the frame, each with an
+    /// order of its own; `order` is then that of the depths.
+    #[serde(skip)]
+    pub lists: Option<MergedLists>,
     /// Words of each drawn splat, in input order, on a machine that tests tiles; else empty.
     #[serde(skip)]
     pub tested: Vec<TestedWords>,
@@ -323,6 +330,9 @@ impl Work {
 
     /// The drawn splats by tiles with this side: their indices in [`Work::footprints`].
     pub fn bins(&self, side_px: usize) -> Bins {
+        if let Some(lists) = &self.lists {
+            return self.bins_of(lists, side_px);
+        }
         let input = 0..if self.order.is_empty() {
             self.footprints.len() as u32
         } else {
@@ -334,6 +344,37 @@ impl Work {
             side_px,
             drawn.map(|nth| (nth, self.footprints[nth as usize].sides())),
         )
+    }
+
+    /// [`Work::bins`] of kept lists: each tile in the order of the list of the machine's tile around
+    /// it. Splats that have departed from the list are left out.
+    fn bins_of(&self, lists: &MergedLists, side_px: usize) -> Bins {
+        let size_px = [self.width, self.height];
+        let (tile_px, columns) = (lists.tile_px, self.width.div_ceil(lists.tile_px) as usize);
+        let entries = lists
+            .tiles
+            .iter()
+            .enumerate()
+            .flat_map(move |(tile, list)| {
+                let drawn = list.splats.iter().filter_map(|splat| self.drawn(*splat));
+                drawn.filter_map(move |nth| {
+                    let sides = self.footprints[nth as usize].sides();
+                    touches(sides, tile, tile_px, columns)
+                        .then(|| (nth, clipped(sides, tile, tile_px, columns)))
+                })
+            });
+        Bins::new(size_px, side_px, entries)
+    }
+
+    /// The index of a splat among the drawn ones; none if it was culled.
+    pub fn drawn(&self, splat: u32) -> Option<u32> {
+        let found = (self.footprints).binary_search_by_key(&splat, |footprint| footprint.splat);
+        found.ok().map(|nth| nth as u32)
+    }
+
+    /// Whether the machine sorts the splats.
+    pub fn is_sorted(&self) -> bool {
+        !self.order.is_empty() || self.lists.is_some()
     }
 
     /// Copies the footprints at these indices to consecutive memory, because the host would stall
@@ -348,6 +389,10 @@ impl Work {
         self.cull_reasons.len()
             + 4 * (self.order.len() + self.keys.len())
             + size_of::<TestedWords>() * self.tested.len()
+            + self.lists.as_ref().map_or(0, |lists| {
+                let of = |list: &MergedList| 4 * (1 + list.splats.len());
+                lists.tiles.iter().map(of).sum::<usize>()
+            })
             + size_of::<Footprint>() * self.footprints.len()
             + self.tiles.iter().map(Tile::bytes).sum::<usize>()
             + size_of::<Visit>() * self.walk.len()
@@ -454,6 +499,7 @@ pub struct Recorder {
     culled: Vec<(u32, CullReason)>,
     order: Vec<u32>,
     keys: Vec<u32>,
+    lists: Option<MergedLists>,
     tested: Vec<TestedWords>,
     cutoff: i64,
     preshaded: bool,
@@ -482,6 +528,7 @@ impl Recorder {
             culled,
             order,
             keys,
+            lists,
             tested,
             cutoff,
             preshaded,
@@ -503,6 +550,7 @@ impl Recorder {
             footprints,
             order,
             keys,
+            lists,
             tested,
             cutoff,
             preshaded,
@@ -562,6 +610,11 @@ impl Recorder {
     /// input order.
     pub fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         (self.order, self.keys) = (order, keys);
+    }
+
+    /// The machine keeps lists from frame to frame, and these are the lists of this one.
+    pub fn merged(&mut self, lists: MergedLists) {
+        self.lists = Some(lists);
     }
 
     /// Tiles are tested: words of all splats with a box, in input order, and the cutoff.

@@ -112,6 +112,7 @@ impl Point {
             Some(of_base) => Sort {
                 kind: of_base.kind,
                 digit_bits: of_base.digit_bits,
+                incremental: sort.incremental,
                 ..sort
             },
             None => sort,
