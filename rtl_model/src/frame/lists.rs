@@ -45,11 +45,18 @@ pub struct KeptLists {
 /// The list of a tile.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MergedList {
-    /// Number of entries that come from the frame before.
-    pub stored: u32,
     /// Splats in drawing order. Some of them may have departed: their box does not touch the tile,
     /// or they are culled.
     pub splats: Vec<u32>,
+    /// Whether each is new in the list; the others were in it in the frame before.
+    pub new: Vec<bool>,
+}
+
+impl MergedList {
+    /// Number of entries that come from the frame before.
+    pub fn stored(&self) -> usize {
+        self.new.iter().filter(|new| !**new).count()
+    }
 }
 
 /// The lists of a frame.
@@ -105,24 +112,31 @@ impl ListShape {
     }
 
     /// Merges two lists by their heads: the lesser key first, of equal ones the stored one.
-    fn merge(&self, stored: &[(u32, i64)], new: &[(u32, i64)]) -> Vec<u32> {
-        let mut merged = Vec::with_capacity(stored.len() + new.len());
+    fn merge(&self, stored: &[(u32, i64)], new: &[(u32, i64)]) -> MergedList {
+        let mut merged = MergedList {
+            splats: Vec::with_capacity(stored.len() + new.len()),
+            new: Vec::with_capacity(stored.len() + new.len()),
+        };
         let (mut stored, mut new) = (stored.iter().peekable(), new.iter().peekable());
-        while let Some(head) = match (stored.peek(), new.peek()) {
-            (Some(one), Some(other)) if self.rank(other.1) < self.rank(one.1) => new.next(),
-            (None, _) => new.next(),
-            _ => stored.next(),
-        } {
-            merged.push(head.0);
+        loop {
+            let is_new = match (stored.peek(), new.peek()) {
+                (Some(one), Some(other)) => self.rank(other.1) < self.rank(one.1),
+                (one, _) => one.is_none(),
+            };
+            let head = if is_new { new.next() } else { stored.next() };
+            let Some((splat, _)) = head else {
+                return merged;
+            };
+            merged.splats.push(*splat);
+            merged.new.push(is_new);
         }
-        merged
     }
 }
 
 impl MergedLists {
     /// Number of entries of a stored list's chunks, in order.
-    pub fn chunks(&self, stored: u32) -> impl Iterator<Item = u32> + use<> {
-        let chunk = self.chunk.max(2);
+    pub fn chunks(&self, stored: usize) -> impl Iterator<Item = usize> + use<> {
+        let chunk = self.chunk.max(2) as usize;
         let first = if self.is_odd { chunk / 2 } else { chunk };
         let mut left = stored;
         let mut next = first;
@@ -160,16 +174,13 @@ impl KeptLists {
         for (tile, mut new) in new.into_iter().enumerate() {
             let mut stored = self.lists.get(tile).cloned().unwrap_or_default();
             let mut left = &mut stored[..];
-            for chunk in lists.chunks(left.len() as u32) {
-                let (own, rest) = left.split_at_mut(chunk as usize);
+            for chunk in lists.chunks(left.len()) {
+                let (own, rest) = left.split_at_mut(chunk);
                 shape.sort(own);
                 left = rest;
             }
             shape.sort(&mut new);
-            lists.tiles.push(MergedList {
-                stored: stored.len() as u32,
-                splats: shape.merge(&stored, &new),
-            });
+            lists.tiles.push(shape.merge(&stored, &new));
         }
         lists
     }

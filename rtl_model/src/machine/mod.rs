@@ -597,13 +597,13 @@ impl SortKind {
 /// Lists that are kept from frame to frame. Both fields decide the picture, and equal those of the
 /// timing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct Incremental {
-    /// Side of a tile, pixels: a multiple of 16, and `timing.tile.side_px`.
+    /// Side of a tile, pixels: a multiple of 16, and `timing.tile.side_px`; left out, 16.
     pub tile_px: u32,
     /// Entries of a stored list that are sorted at a time, a power of two from 4 to 65536, and
     /// `timing.sort.buffer_entries`. In odd frames, counted from 0, the first chunk has half as
-    /// many.
+    /// many. Left out, 256.
     pub chunk: u32,
 }
 

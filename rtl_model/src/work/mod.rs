@@ -158,6 +158,16 @@ pub struct Tile {
     masks: Vec<u16>,
 }
 
+/// Instead of an index among the drawn splats: the splat has departed from the list.
+pub const DEPARTED: u32 = u32::MAX;
+
+/// Has no pixel in the list's tile.
+const DEPARTED_FOOTPRINT: Footprint = Footprint {
+    splat: u32::MAX,
+    columns: [0; 2],
+    rows: [0; 2],
+};
+
 /// Instead of a texel: no look-up.
 pub const NO_TEXEL: u16 = u16::MAX;
 
@@ -366,6 +376,32 @@ impl Work {
         Bins::new(size_px, side_px, entries)
     }
 
+    /// Kept lists with all entries: indices among the drawn splats, and [`DEPARTED`] for those that
+    /// have departed from the list.
+    pub fn kept_bins(&self) -> Option<Bins> {
+        let lists = self.lists.as_ref()?;
+        let [columns, rows] =
+            [self.width, self.height].map(|size| size.div_ceil(lists.tile_px) as usize);
+        let (mut starts, mut entries) = (vec![0], Vec::new());
+        for (tile, list) in lists.tiles.iter().enumerate().take(columns * rows) {
+            entries.extend(list.splats.iter().map(|splat| {
+                let drawn = self.drawn(*splat).filter(|nth| {
+                    let sides = self.footprints[*nth as usize].sides();
+                    touches(sides, tile, lists.tile_px, columns)
+                });
+                drawn.unwrap_or(DEPARTED)
+            }));
+            starts.push(entries.len());
+        }
+        starts.resize(columns * rows + 1, entries.len());
+        Some(Bins {
+            columns,
+            rows,
+            starts,
+            entries,
+        })
+    }
+
     /// The index of a splat among the drawn ones; none if it was culled.
     pub fn drawn(&self, splat: u32) -> Option<u32> {
         let found = (self.footprints).binary_search_by_key(&splat, |footprint| footprint.splat);
@@ -381,7 +417,12 @@ impl Work {
     /// on each of the scattered ones.
     pub fn look_up(&self, places: &[u32], footprints: &mut Vec<Footprint>) {
         footprints.clear();
-        footprints.extend(places.iter().map(|nth| self.footprints[*nth as usize]));
+        let of = |nth: &u32| self.footprints.get(*nth as usize).copied();
+        footprints.extend(
+            places
+                .iter()
+                .map(|nth| of(nth).unwrap_or(DEPARTED_FOOTPRINT)),
+        );
     }
 
     /// Size in bytes.
@@ -390,7 +431,7 @@ impl Work {
             + 4 * (self.order.len() + self.keys.len())
             + size_of::<TestedWords>() * self.tested.len()
             + self.lists.as_ref().map_or(0, |lists| {
-                let of = |list: &MergedList| 4 * (1 + list.splats.len());
+                let of = |list: &MergedList| 5 * list.splats.len();
                 lists.tiles.iter().map(of).sum::<usize>()
             })
             + size_of::<Footprint>() * self.footprints.len()
