@@ -2,14 +2,20 @@
 //! still camera give the picture of a complete sort?
 
 use rtl_model::Machine;
-use rtl_model::frame::MergedLists;
+use rtl_model::frame::{MergedList, MergedLists};
+use rtl_model::machine::{Sort, SortKind};
 use rtl_model::pipeline::Elaborated;
+use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
 use serde_json::{Value, json};
+use splatsim::accuracy::partial::{ChosenWords, MixedDrawing};
 use splatsim::accuracy::{lockstep, metrics};
+use splatsim::cosim::trace::{Origin, Window, trace};
 use splatsim::golden;
 use splatsim::hardware::quantise::{Quantised, quantise, quantise_after};
 use splatsim::hardware::{fixed, machines};
+use splatsim::performance::cost::{Cost, Prices};
+use splatsim::performance::recording::Recording;
 use splatsim::scene::{Overrides, Scene, Sequence};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -179,9 +185,8 @@ impl Oracle {
 
 fn lists_of(lists: &MergedLists, width: u32) -> BTreeMap<(u32, u32), Vec<u32>> {
     let columns = width.div_ceil(lists.tile_px);
-    let of = |(tile, list): (u32, &rtl_model::frame::MergedList)| {
-        ((tile % columns, tile / columns), list.splats.clone())
-    };
+    let of =
+        |(tile, list): (u32, &MergedList)| ((tile % columns, tile / columns), list.splats.clone());
     let lists = (0..).zip(&lists.tiles).map(of);
     lists.filter(|(_, list)| !list.is_empty()).collect()
 }
@@ -282,24 +287,34 @@ fn a_chunk_longer_than_every_list_sorts_by_the_keys_of_the_frame_before() {
 }
 
 #[test]
-fn fixed_is_as_near_to_golden_as_with_radix_and_the_loss_is_the_methods() {
+fn the_loss_is_the_methods_and_golden_has_it_too() {
     let scenes = frames(2000, [128, 96], &arc(4, 0.12));
-    let machine = fixed::elaborate(&incremental("gaussian", 32, 16)).unwrap();
+    let machine = fixed::elaborate(&incremental("gaussian", 32, 8)).unwrap();
     let radix = radix();
-    let mut loss = [f64::INFINITY; 2];
+    let mut memory = golden::ListMemory::default();
     for (nth, (scene, quantised)) in scenes.iter().zip(sequence(&scenes, &machine)).enumerate() {
         let fixed = fixed::picture(&machine, &fixed::draw(&machine, &quantised));
         let golden = golden::render(scene, &fixed::rules(&machine.machine)).picture;
-        let sorted = quantise(scene, &radix.machine).unwrap();
-        let sorted = fixed::picture(&radix, &fixed::draw(&radix, &sorted));
+        // Frame by frame, golden draws what it draws of one frame.
+        let next = golden::render_next(scene, &fixed::rules(&machine.machine), &mut memory);
+        assert_eq!(golden, next.picture, "frame {nth}");
         let exact = golden::render(scene, &fixed::rules(&radix.machine)).picture;
         let ideal = golden::ideal(scene).picture;
         let psnr = |one, other| metrics(one, other).psnr_db.unwrap_or(f64::INFINITY);
-        let [own, of_radix] = [psnr(&fixed, &golden), psnr(&sorted, &exact)];
-        let [method, sorts] = [psnr(&golden, &ideal), psnr(&exact, &ideal)];
-        loss = [loss[0].min(method), loss[1].min(sorts)];
-        println!("frame {nth}: {own} {of_radix} {method} {sorts}");
-        // Lockstep and the pixel trace follow the lists.
+        // Lists of the machine and of golden can differ where keys are equal for the machine.
+        let [arithmetic, loss] = [psnr(&fixed, &golden), psnr(&golden, &exact)];
+        println!("frame {nth}: fixed − golden {arithmetic}, golden − sorted {loss}");
+        assert!(arithmetic > 55.0, "frame {nth}: {arithmetic} dB");
+        if nth == 0 {
+            assert_eq!(golden, exact);
+        } else {
+            assert!(
+                loss < arithmetic - 3.0,
+                "frame {nth}: {loss} dB, {arithmetic} dB"
+            );
+            assert!(psnr(&golden, &ideal) < psnr(&exact, &ideal), "frame {nth}");
+        }
+        // Lockstep, the pixel trace and mixed precision follow the lists.
         let checked = lockstep(scene, &machine, &quantised);
         assert_eq!(
             (checked.violations, checked.flips.unexplained),
@@ -311,13 +326,23 @@ fn fixed_is_as_near_to_golden_as_with_radix_and_the_loss_is_the_methods() {
             let trace = golden::pixel_trace(scene, &fixed::rules(&machine.machine), x, y);
             assert_eq!(trace.rgba, golden.rgba[pixel]);
         }
+        let drawing = MixedDrawing::new(scene, &machine, &quantised);
+        let mixed = |chosen: bool| {
+            let words = ChosenWords::new(&machine, |_| chosen);
+            drawing.fill(&words, &drawing.set_up(&words))
+        };
+        let [none, all] = [mixed(false), mixed(true)];
+        assert!(
+            psnr(&none, &golden) > 100.0,
+            "frame {nth}: {}",
+            psnr(&none, &golden)
+        );
+        assert!(
+            psnr(&all, &fixed) > 100.0,
+            "frame {nth}: {}",
+            psnr(&all, &fixed)
+        );
     }
-    assert!(
-        loss[0] < loss[1] - 3.0,
-        "golden − ideal: {} dB, {} dB with radix",
-        loss[0],
-        loss[1]
-    );
 }
 
 #[test]
@@ -337,4 +362,180 @@ fn threads_change_no_bit() {
         })
     };
     assert!(with(1) == with(2));
+}
+
+/// The last frame of a path on a machine, in a recording.
+fn recording(scenes: &[Scene], machine: &Elaborated) -> Recording {
+    let last = sequence(scenes, machine).pop().unwrap();
+    Recording {
+        scene: "bouquet".into(),
+        machine: machine.machine.clone(),
+        work: fixed::draw_measured(machine, &last).2,
+    }
+}
+
+#[test]
+fn a_replay_of_a_recording_is_the_run() {
+    let scenes = frames(1200, [90, 60], &arc(3, 0.2));
+    let machine = fixed::elaborate(&incremental("gaussian", 32, 8)).unwrap();
+    let recording = recording(&scenes, &machine);
+    let own = timing::replay(&machine.timing, &recording.work, Detail::Total).total;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("work");
+    recording.clone().write(&path).unwrap();
+    let read = Recording::read(&path).unwrap();
+    assert_eq!(read, recording);
+    let replayed = read.replay(&[], false, Some(&Prices::default())).unwrap();
+    assert_eq!(replayed.cycles.total, own);
+    // Another machine would have another order.
+    let refused = |setting: &str, why: &str| {
+        let mut other = read.clone();
+        let error = match other.set(setting) {
+            Err(error) => error.to_string(),
+            Ok(()) => other.replay(&[], false, None).unwrap_err().to_string(),
+        };
+        assert!(error.contains(why), "{error}");
+    };
+    refused("sort.kind=radix", "draw the frame again");
+    refused("timing.tile.side_px=16", "both must be equal");
+    refused("timing.sort.buffer_entries=16", "both must be equal");
+    refused("sort.incremental.chunk=16", "only fields below `timing`");
+    let radix = radix();
+    let sorted = Recording {
+        machine: radix.machine.clone(),
+        work: fixed::draw_measured(&radix, &quantise(&scenes[0], &radix.machine).unwrap()).2,
+        scene: "bouquet".into(),
+    };
+    let error = sorted.clone().set("sort.kind=incremental").unwrap_err();
+    assert!(
+        error.to_string().contains("draw the frame again"),
+        "{error}"
+    );
+    // No damage to the lists is taken for a record.
+    let damages: [fn(&mut MergedLists); 6] = [
+        |lists| lists.chunk = 5,
+        |lists| lists.tile_px = 24,
+        |lists| drop(lists.tiles.pop()),
+        |lists| {
+            // A new entry is of a splat that is drawn.
+            let list = lists
+                .tiles
+                .iter_mut()
+                .find(|list| list.new.contains(&true))
+                .unwrap();
+            let at = list.new.iter().position(|new| *new).unwrap();
+            list.splats.remove(at);
+            list.new.remove(at);
+        },
+        |lists| list_of(lists).splats[0] = 5000,
+        |lists| list_of(lists).splats[1] = list_of(lists).splats[0],
+    ];
+    for (nth, damage) in damages.into_iter().enumerate() {
+        let mut other = recording.clone();
+        damage(other.work.lists.as_mut().unwrap());
+        assert!(other.work.check().is_err(), "damage {nth}");
+    }
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 4]).unwrap();
+    let error = Recording::read(&path).unwrap_err().to_string();
+    assert!(error.contains("damaged"), "{error}");
+}
+
+/// A list with at least two entries.
+fn list_of(lists: &mut MergedLists) -> &mut MergedList {
+    let mut lists = lists.tiles.iter_mut();
+    lists.find(|list| list.splats.len() > 1).unwrap()
+}
+
+#[test]
+fn kept_lists_are_never_free() {
+    let scenes = frames(1200, [90, 60], &arc(3, 0.1));
+    let kept = fixed::elaborate(&incremental("gaussian", 32, 256)).unwrap();
+    let tile = Machine {
+        sort: kept.machine.sort.map(|sort| Sort {
+            kind: SortKind::Tile,
+            incremental: None,
+            ..sort
+        }),
+        ..kept.machine.clone()
+    };
+    let tile = fixed::elaborate(&tile).unwrap();
+    let cost = |machine: &Elaborated| Cost::new(machine, &Prices::default());
+    let [own, other] = [cost(&kept), cost(&tile)];
+    assert!(own.area > other.area && own.memory_bits > other.memory_bits);
+    // With the boxes of a splat and with a burst: exact.
+    let burst = 8 * u64::from(kept.timing.timing.memory.burst_bytes);
+    let entry = 8 * u64::from(kept.timing.sort.unwrap().entry_bytes);
+    assert_eq!(own.memory_bits - other.memory_bits, 256 * entry + 4 * burst);
+    // A first frame has no entry from before, and everything else costs.
+    let of = |machine: &Elaborated, scenes: &[Scene]| {
+        let work = recording(scenes, machine).work;
+        let cycles = timing::replay(&machine.timing, &work, Detail::Accounts);
+        let bytes = cycles.memory.bytes;
+        (work, cycles, bytes)
+    };
+    let (_, first, [_, binning, sort, lists, ..]) = of(&kept, &scenes[..1]);
+    let (_, sorted, [_, binned, tiles, read, ..]) = of(&tile, &scenes[..1]);
+    assert!(binning[0] > 0 && binned[0] == 0 && binning[1] > binned[1]);
+    assert_eq!((sort, lists[0], read[1]), (tiles, read[0], 0));
+    assert!(lists[1] > 0 && first.memory.total_bytes() > sorted.memory.total_bytes());
+    // A later frame writes fewer entries, and pays for those that have departed.
+    let (work, _, [_, next, ..]) = of(&kept, &scenes);
+    assert!(next[1] < binning[1]);
+    let bins = work.kept_bins().unwrap();
+    assert!(bins.listed() < bins.entries());
+}
+
+#[test]
+fn lists_that_cannot_be_kept_are_refused() {
+    let refused = |settings: &[&str], why: &str| {
+        let settings: Vec<String> = settings.iter().map(|setting| (*setting).into()).collect();
+        let error = machines::load("gaussian", &settings)
+            .and_then(|machine| fixed::elaborate(&machine).map(drop))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(why), "{error}");
+    };
+    let kind = "sort.kind=incremental";
+    refused(
+        &[kind, "timing.tile.side_px=32"],
+        "timing.tile.side_px is 32",
+    );
+    refused(
+        &[kind, "timing.sort.buffer_entries=64"],
+        "timing.sort.buffer_entries is 64",
+    );
+    refused(
+        &[kind, "sort.incremental.tile_px=24"],
+        "must be a multiple of 16",
+    );
+    refused(
+        &[kind, "sort.incremental.chunk=100"],
+        "must be a power of two",
+    );
+    refused(&[kind, "bin.test=ellipse"], "bin.test must be box");
+    refused(&[kind, "timing.sort.bucket_bits=3"], "has no buckets");
+    refused(&[kind, "sort.tile_bits=13"], "part of the key of radix");
+    refused(&[kind, "timing.organisation=immediate"], "use binned");
+    refused(&["sort.incremental.chunk=64"], "sort.kind is another");
+    let scenes = frames(50, [40, 30], &arc(2, 0.1));
+    let machine = incremental("gaussian", 16, 4);
+    let folder = tempfile::tempdir().unwrap();
+    let origin = |frame| Origin {
+        frame,
+        ..Origin::default()
+    };
+    let traced = |frame: usize| {
+        let window = Window::default();
+        trace(
+            &scenes[frame],
+            origin(frame),
+            &machine,
+            &window,
+            folder.path(),
+        )
+    };
+    assert!(traced(0).is_ok());
+    let error = traced(1).unwrap_err().to_string();
+    assert!(error.contains("depend on the frames before it"), "{error}");
 }

@@ -2,7 +2,7 @@
 //! (docs/book/incremental-sort.md).
 //!
 //! ```text
-//! frames before: boxes, keys ─► [Memory] ─┬─► sorted chunk by chunk ─┐
+//! frames before: boxes, keys ─► [ListMemory] ─┬─► sorted chunk by chunk ─┐
 //! this frame: boxes, keys ────────────────┴─► new splats, sorted ────┴─► merged ─► [TileOrder]
 //! ```
 //! The keys of `golden` are exact, so its lists are its own: where the machine's keys are equal or
@@ -49,18 +49,18 @@ impl TileOrder {
     }
 }
 
-/// Boxes and lists of the frames so far.
+/// Boxes and lists of the frames so far, for a sequence that is drawn frame by frame.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Memory {
+pub struct ListMemory {
     frames: usize,
     boxes: Vec<Option<[Range<u32>; 2]>>,
     lists: Vec<Vec<(u32, f64)>>,
 }
 
-impl Memory {
+impl ListMemory {
     /// Lists the splats of the next frame, and keeps the lists for the frame after it. The drawn
     /// splats are in any order.
-    pub fn next(
+    pub(crate) fn next(
         &mut self,
         kept: &KeptLists,
         size_px: [usize; 2],
@@ -155,11 +155,11 @@ impl KeptLists {
     }
 
     /// The order of a frame of a scene, with the footprints of its drawn splats; None if the scene
-    /// is not sorted.
+    /// is not sorted. Without a memory of the frames before, they are set up.
     pub(super) fn order(
         &self,
         scene: &Scene,
-        least_weight: f64,
+        (least_weight, memory): (f64, Option<&mut ListMemory>),
         footprints: &[Footprint],
     ) -> Option<TileOrder> {
         let of = |footprint: &Footprint| Listed {
@@ -168,6 +168,11 @@ impl KeptLists {
             key: footprint.z(),
         };
         let now: Vec<Listed> = footprints.iter().map(of).collect();
+        if let Some(memory) = memory {
+            let is_sorted = scene.ellipsoids.as_ref()?.sorted;
+            let size_px = [scene.image.width, scene.image.height];
+            return is_sorted.then(|| memory.next(self, size_px, scene.splats.len(), &now));
+        }
         let before = |earlier: &Scene| {
             let view = earlier.view();
             let drawn = (0..earlier.splats.len())
@@ -193,7 +198,7 @@ impl KeptLists {
         }
         let size_px = [scene.image.width, scene.image.height];
         let splats = scene.splats.len();
-        let mut memory = Memory::default();
+        let mut memory = ListMemory::default();
         scene.each_before(|earlier| {
             let drawn = before(earlier);
             memory.next(self, size_px, splats, &drawn);

@@ -38,7 +38,7 @@ use intervals::Spanning;
 use shade::Shader;
 
 pub use fragments::{Decision, Merge, Side};
-pub use lists::KeptLists;
+pub use lists::{KeptLists, ListMemory};
 pub use pixel_trace::{PixelTrace, TracedContribution, TracedLayer, pixel_trace};
 pub use reflection::{Reflected, Reflection, octahedral};
 pub use window::density as window_density;
@@ -295,17 +295,26 @@ impl Outcomes {
 
 /// Renderer `golden`: the hardware's algorithm with the same rules and in the same order, in f64.
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
+    render_with(scene, rules, None)
+}
+
+/// [`render`] of the frame of a sequence after those that are in `memory`, to which it is added.
+pub fn render_next(scene: &Scene, rules: &Rules, memory: &mut ListMemory) -> Rendering {
+    render_with(scene, rules, Some(memory))
+}
+
+fn render_with(scene: &Scene, rules: &Rules, memory: Option<&mut ListMemory>) -> Rendering {
     let shader = Shader::of(scene, rules);
     match scene.sheets_for(rules.sums_gaussians) {
         Some(sheets) if sheets.of == Sheet::Splat && rules.blocks.is_some() => {
-            tiles::draw_tested(scene, &shader, rules, || {
+            tiles::draw_tested(scene, &shader, (rules, memory), || {
                 sheets::SheetPainter::new(&sheets, shader.background())
             })
         }
         Some(sheets) => tiles::draw(
             scene,
             &shader,
-            (rules.turn_normals, rules.lists),
+            (rules.turn_normals, rules.lists.map(|lists| (lists, memory))),
             sheets.least_weight,
             || sheets::SheetPainter::new(&sheets, shader.background()),
         ),

@@ -242,7 +242,7 @@ fn contributions(
         None => (footprints.filter(here).collect(), None),
         Some(lists) => {
             let all: Vec<Footprint> = footprints.collect();
-            let order = lists.order(scene, scene.least_weight(), &all);
+            let order = lists.order(scene, (scene.least_weight(), None), &all);
             let of_tile = order
                 .as_ref()
                 .map(|order| order.around([x as usize, y as usize]));

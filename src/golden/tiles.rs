@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::footprint::{self, Cull, Footprint};
 use super::fragments::Fragment;
-use super::lists::{KeptLists, TileOrder};
+use super::lists::{KeptLists, ListMemory, TileOrder};
 use super::shade::Shader;
 use super::{Culled, Outcomes, Rendering, Rules};
 use crate::output::picture::Picture;
@@ -54,14 +54,15 @@ pub(crate) trait Painter {
 pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     scene: &Scene,
     shader: &Shader,
-    (turn_normals, lists): (bool, Option<KeptLists>),
+    (turn_normals, lists): (bool, Option<(KeptLists, Option<&mut ListMemory>)>),
     least_weight: f64,
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
     let (image, background) = (&scene.image, shader.background());
     if scene.ellipsoids.is_some() {
         let (footprints, culled) = footprints(scene, shader, turn_normals, least_weight);
-        let order = lists.and_then(|lists| lists.order(scene, least_weight, &footprints));
+        let order = lists
+            .and_then(|(lists, memory)| lists.order(scene, (least_weight, memory), &footprints));
         return Rendering {
             culled,
             ..fill_ordered(image, &footprints, order.as_ref(), background, painter)
@@ -100,13 +101,13 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
 pub(super) fn draw_tested<P: Painter<Contribution = Fragment>>(
     scene: &Scene,
     shader: &Shader,
-    rules: &Rules,
+    (rules, memory): (&Rules, Option<&mut ListMemory>),
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
     let (mut footprints, culled) =
         footprints(scene, shader, rules.turn_normals, scene.least_weight());
-    let order =
-        (rules.lists).and_then(|lists| lists.order(scene, scene.least_weight(), &footprints));
+    let order = (rules.lists)
+        .and_then(|lists| lists.order(scene, (scene.least_weight(), memory), &footprints));
     for footprint in &mut footprints {
         footprint.blocks = rules.blocks;
     }

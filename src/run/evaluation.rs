@@ -12,7 +12,7 @@ use crate::accuracy::ranges::{Overflows, SignalReport};
 use crate::accuracy::{CheckedTiles, Lockstep, lockstep_in};
 use crate::error::Result;
 use crate::golden;
-use crate::golden::{Rendering, Rules};
+use crate::golden::{ListMemory, Rendering, Rules};
 use crate::hardware::fixed;
 use crate::hardware::quantise::{Quantised, quantise, quantise_after};
 use crate::output::picture::Picture;
@@ -141,6 +141,11 @@ impl<'a> Evaluation<'a> {
     /// Picture of exact arithmetic by the same rules.
     pub fn golden(&self) -> Rendering {
         golden::render(&self.scene, &self.rules())
+    }
+
+    /// [`Evaluation::golden`] of the frame of a sequence after those that are in `memory`.
+    pub fn golden_next(&self, memory: &mut ListMemory) -> Rendering {
+        golden::render_next(&self.scene, &self.rules(), memory)
     }
 
     /// The machine with `golden` in lockstep.

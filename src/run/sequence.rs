@@ -15,6 +15,7 @@ pub use report::{FrameReport, Host, Report, SceneReport, Spread, Spreads};
 use crate::accuracy::flicker::{FlickerSums, Pictures};
 use crate::error::{Error, Result};
 use crate::golden;
+use crate::golden::ListMemory;
 use crate::hardware::fixed;
 use crate::hardware::quantise::quantise_after;
 use crate::output::files::{Unwritten, remove_if_there, write_all, write_beside};
@@ -107,7 +108,8 @@ pub fn run(
         .as_deref()
         .map(|path| Video::create(path, scene.width, scene.height))
         .transpose()?;
-    let (mut frames, mut before, mut lists) = (Vec::new(), None, None);
+    let (mut frames, mut before) = (Vec::new(), None);
+    let mut lists = (None, ListMemory::default());
     let mut all = FlickerSums::default();
     let mut host = Host {
         threads: rayon::current_num_threads(),
@@ -174,12 +176,12 @@ struct DrawnFrame {
 }
 
 impl DrawnFrame {
-    /// Draws the next frame; `lists` is what the machine has in memory before it, and then after
-    /// it.
+    /// Draws the next frame; `lists` is what the machine and golden have in memory before it, and
+    /// then after it.
     fn new(
         scene: &Scene,
         machine: &Elaborated,
-        lists: &mut ListsBefore,
+        (lists, memory): &mut (ListsBefore, ListMemory),
         host: &mut Host,
     ) -> Result<Self> {
         let evaluation = Evaluation::after(scene, machine, lists.take())?;
@@ -199,7 +201,7 @@ impl DrawnFrame {
                 &timing::replay(&machine.timing, &work, Detail::Histograms),
             )
         };
-        let (golden, golden_seconds) = timed(|| evaluation.golden().picture);
+        let (golden, golden_seconds) = timed(|| evaluation.golden_next(memory).picture);
         let exact = || {
             let (ideal, seconds) = timed(|| golden::ideal(scene).picture);
             let accuracy = Distances::between(&fixed, &golden, &ideal);

@@ -144,20 +144,21 @@ impl SorterShape {
             }
         });
         if self.keeps_lists {
-            // `bin`: the box of the frame before, and the four comparisons of it with a tile; the
-            // addresses of both boxes. `list`, in each engine: the four comparisons of a record's
-            // box with the tile, the entry that is written back, and its address.
-            e.part(unit::SORT, Operator::Register(BOX_BITS as i32));
-            e.adders(unit::SORT, 4, COORDINATE_BITS);
-            e.adders(unit::SORT, 2, SORT_COUNT_BITS as i32);
+            // The box of the frame before, and the four comparisons of it with a tile; the addresses
+            // of both boxes.
+            e.part(unit::BIN, Operator::Register(BOX_BITS as i32));
+            e.adders(unit::BIN, 4, COORDINATE_BITS);
+            e.adders(unit::BIN, 2, SORT_COUNT_BITS as i32);
             e.copies(2, |e| {
-                e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32))
+                e.part(unit::BIN, Operator::Register(SORT_COUNT_BITS as i32))
             });
+            // The four comparisons of a record's box with the tile, the entry that is written back,
+            // and its address.
             e.copies(self.engines, |e| {
-                e.adders(unit::SORT, 4, COORDINATE_BITS);
-                e.part(unit::SORT, Operator::Register(compared));
-                e.adders(unit::SORT, 1, SORT_COUNT_BITS as i32);
-                e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32));
+                e.adders(unit::LIST, 4, COORDINATE_BITS);
+                e.part(unit::LIST, Operator::Register(compared));
+                e.adders(unit::LIST, 1, SORT_COUNT_BITS as i32);
+                e.part(unit::LIST, Operator::Register(SORT_COUNT_BITS as i32));
             });
         }
         // Number of the list that each sorter works on. Each engine compares it with its own.
@@ -215,7 +216,7 @@ impl Machine {
                     Some(_) => "sort.kind is none",
                     None => "the machine has no `sort`",
                 };
-                format!("timing.sort describes sorters of tiles' lists, but {why}: leave it out, or let sort.kind be tile or hierarchical")
+                format!("timing.sort describes sorters of tiles' lists, but {why}: leave it out, or let sort.kind be tile, hierarchical or incremental")
             });
             return None;
         };

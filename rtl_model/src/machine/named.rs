@@ -21,6 +21,7 @@ impl Machine {
             "mixed" => Some(mixed()),
             "weighted" => Some(weighted()),
             "gscore" => Some(published::gscore()),
+            "neo" => Some(published::neo()),
             "flicker" => Some(published::flicker()),
             "nycu" => Some(published::nycu()),
             "cubed" => Some(published::cubed()),

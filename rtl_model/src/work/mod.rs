@@ -820,6 +820,14 @@ impl Bins {
         self.entries.len()
     }
 
+    /// Number of entries in all tiles that have not departed.
+    pub fn listed(&self) -> usize {
+        self.entries
+            .iter()
+            .filter(|entry| **entry != DEPARTED)
+            .count()
+    }
+
     /// Removes the entries that do not hold, by tile and number.
     pub fn retain(&mut self, mut holds: impl FnMut(usize, u32) -> bool) {
         let mut kept = 0;

@@ -3,6 +3,8 @@
 //! Laws (tests/recording.rs of the bench): `a_record_that_is_read_is_the_one_that_was_written`,
 //! `no_damage_is_taken_for_a_record`.
 
+use crate::frame::lists::touches;
+
 use super::{CullReason, Event, Footprint, Found, TILE_PX, Tile, Visit, Work};
 
 /// Greatest side of a picture, pixels.
@@ -23,6 +25,7 @@ impl Work {
             sizes.iter().all(|size| (1..=MOST_PX).contains(size)),
             "the picture's size is not 1 to 16384",
         )?;
+        self.check_lists()?;
         require(self.harmonics <= 3, "its harmonics have a degree above 3")?;
         self.check_splats()?;
         self.check_walk()?;
@@ -77,6 +80,56 @@ impl Work {
             tiles.next().is_none(),
             "it has a tile that no splat touches",
         )
+    }
+
+    /// Every drawn splat is once in each list that its box touches: the number of entries that are
+    /// not departed is compared with that of the tiles' records.
+    fn check_lists(&self) -> Result<(), String> {
+        let Some(lists) = &self.lists else {
+            return Ok(());
+        };
+        let is_tile = lists.tile_px >= TILE_PX as u32
+            && lists.tile_px <= MOST_PX
+            && lists.tile_px.is_multiple_of(TILE_PX as u32);
+        let is_chunk = lists.chunk.is_power_of_two() && (4..=65_536).contains(&lists.chunk);
+        require(
+            is_tile && is_chunk,
+            "its lists have impossible tiles or chunks",
+        )?;
+        let [columns, rows] =
+            [self.width, self.height].map(|size| size.div_ceil(lists.tile_px) as usize);
+        require(
+            lists.tiles.len() == columns * rows,
+            "its lists are not those of its tiles",
+        )?;
+        for (tile, list) in lists.tiles.iter().enumerate() {
+            let mut splats = list.splats.clone();
+            splats.sort_unstable();
+            let is_known = |splat: &u32| (*splat as usize) < self.cull_reasons.len();
+            require(
+                splats.windows(2).all(|pair| pair[0] < pair[1]) && splats.iter().all(is_known),
+                "a list has a splat twice, or one that is not there",
+            )?;
+            let is_here = |splat: u32| {
+                self.drawn(splat).is_some_and(|nth| {
+                    let sides = self.footprints[nth as usize].sides();
+                    touches(sides, tile, lists.tile_px, columns)
+                })
+            };
+            let mut new = list.splats.iter().zip(&list.new).filter(|(_, new)| **new);
+            require(
+                list.new.len() == list.splats.len() && new.all(|(splat, _)| is_here(*splat)),
+                "a list has a new splat whose box does not touch its tile",
+            )?;
+        }
+        let [boxes, listed] = [
+            self.footprints
+                .iter()
+                .map(|of| of.tiles_of(lists.tile_px))
+                .sum::<u64>(),
+            self.kept_bins().map_or(0, |bins| bins.listed() as u64),
+        ];
+        require(boxes == listed, "its lists leave splats out")
     }
 
     fn check_walk(&self) -> Result<(), String> {
@@ -175,8 +228,13 @@ impl Work {
 impl Footprint {
     /// Number of tiles that it touches.
     fn tiles(&self) -> u64 {
+        self.tiles_of(TILE_PX as u32)
+    }
+
+    /// Number of tiles with this side that it touches.
+    fn tiles_of(&self, side_px: u32) -> u64 {
         let across = |[first, last]: [u16; 2]| {
-            u64::from(last) / TILE_PX as u64 - u64::from(first) / TILE_PX as u64 + 1
+            u64::from(last) / u64::from(side_px) - u64::from(first) / u64::from(side_px) + 1
         };
         across(self.columns) * across(self.rows)
     }

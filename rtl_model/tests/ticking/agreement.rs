@@ -695,13 +695,21 @@ fn kept_lists_tick_as_they_are_replayed() {
             let mut rng = Rng(seed);
             let timing = of(Organisation::Binned, &mut rng);
             let scene = scene::random(&mut rng, size, splats).sorted(&mut rng);
+            let timing = match seed % 3 {
+                0 => machines::several(&mut rng, timing),
+                _ => timing,
+            };
+            let machine = machines::keeping_lists(&mut rng, timing);
+            let elaborated = machine.elaborate().unwrap().timing;
+            let scene = match elaborated.contribution {
+                Some(_) => scene.blocked(&mut rng, &elaborated),
+                None => scene,
+            };
             let scene = if seed % 5 == 1 {
                 scene.stopping(&mut rng)
             } else {
                 scene
             };
-            let machine = machines::keeping_lists(&mut rng, timing);
-            let elaborated = machine.elaborate().unwrap().timing;
             let scene = scene.keeping(&mut rng, &elaborated);
             let work = scene.record();
             work.check().unwrap();

@@ -103,7 +103,14 @@ pub fn keeping_lists(rng: &mut Rng, timing: Timing) -> Machine {
     let mut machine = sorting_lists(rng, timing);
     let sorter = machine.timing.sort.as_mut().unwrap();
     sorter.bucket_bits = None;
-    machine.timing.tile.side_px = 16 * (1 + rng.below(4) as u32);
+    if rng.below(3) == 0 {
+        machine = with_blocks(rng, machine);
+        machine.bin = None;
+        machine.timing.tile.side_px = 16 * (1 + rng.below(2) as u32);
+    } else {
+        machine.timing.tile.side_px = 16 * (1 + rng.below(4) as u32);
+    }
+    let sorter = machine.timing.sort.unwrap();
     let sort = machine.sort.as_mut().unwrap();
     sort.kind = SortKind::Incremental;
     sort.incremental = Some(Incremental {

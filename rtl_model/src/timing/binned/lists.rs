@@ -171,7 +171,10 @@ impl Lists {
             seeds: 0,
         });
         (self.tested.is_some() || masks.is_some()).then(|| TileTests {
-            tiles: self.boxes().entries() as u64,
+            tiles: match &self.kept {
+                Some(kept) => kept.new.len() as u64,
+                None => self.boxes().entries() as u64,
+            },
             entries: self.entries() as u64,
             masks,
         })
