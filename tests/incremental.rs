@@ -477,8 +477,13 @@ fn kept_lists_are_never_free() {
     let (_, first, [_, binning, sort, lists, ..]) = of(&kept, &scenes[..1]);
     let (_, sorted, [_, binned, tiles, read, ..]) = of(&tile, &scenes[..1]);
     assert!(binning[0] > 0 && binned[0] == 0 && binning[1] > binned[1]);
-    assert_eq!((sort, lists[0], read[1]), (tiles, read[0], 0));
-    assert!(lists[1] > 0 && first.memory.total_bytes() > sorted.memory.total_bytes());
+    assert_eq!((sort, read[1]), (tiles, 0));
+    // Records at the places of their splats in the scene have gaps.
+    assert!(
+        lists[0] >= read[0]
+            && lists[1] > 0
+            && first.memory.total_bytes() > sorted.memory.total_bytes()
+    );
     // A later frame writes fewer entries, and pays for those that have departed.
     let (work, _, [_, next, ..]) = of(&kept, &scenes);
     assert!(next[1] < binning[1]);

@@ -699,7 +699,12 @@ fn kept_lists_tick_as_they_are_replayed() {
                 0 => machines::several(&mut rng, timing),
                 _ => timing,
             };
-            let machine = machines::keeping_lists(&mut rng, timing);
+            let mut machine = machines::keeping_lists(&mut rng, timing);
+            // Several engines have no sorters that overlap: in a replay, an engine can take a tile
+            // before the one in front of it is sorted.
+            if seed % 3 == 0 {
+                machine.timing.sort.as_mut().unwrap().overlap = false;
+            }
             let elaborated = machine.elaborate().unwrap().timing;
             let scene = match elaborated.contribution {
                 Some(_) => scene.blocked(&mut rng, &elaborated),
