@@ -2,11 +2,10 @@
 //! still camera give the picture of a complete sort?
 
 use rtl_model::Machine;
-use rtl_model::frame::{MergedList, MergedLists};
 use rtl_model::machine::{Sort, SortKind};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{self, Detail};
-use rtl_model::work::Work;
+use rtl_model::work::{MergedList, MergedLists, Work};
 use serde_json::{Value, json};
 use splatsim::accuracy::partial::{ChosenWords, MixedDrawing};
 use splatsim::accuracy::{lockstep, metrics};
@@ -474,9 +473,22 @@ fn kept_lists_are_never_free() {
         let bytes = cycles.memory.bytes;
         (work, cycles, bytes)
     };
-    let (_, first, [_, binning, sort, lists, ..]) = of(&kept, &scenes[..1]);
+    let (work, first, [_, binning, sort, lists, ..]) = of(&kept, &scenes[..1]);
+    // Each box is read and written. A record is at the place of its splat in the scene, and each
+    // burst of records is written once.
+    let burst = burst / 8;
+    let boxes = (8 * work.cull_reasons.len() as u64).div_ceil(burst) * burst;
+    let bytes = u64::from(kept.timing.prepared_bytes);
+    let of_record = |nth: u64| nth * bytes / burst..((nth + 1) * bytes).div_ceil(burst);
+    let drawn = work
+        .footprints
+        .iter()
+        .map(|footprint| u64::from(footprint.splat));
+    let records = drawn.flat_map(of_record).collect::<BTreeSet<u64>>().len() as u64 * burst;
+    let dense = (work.footprints.len() as u64 * bytes).div_ceil(burst) * burst;
     let (_, sorted, [_, binned, tiles, read, ..]) = of(&tile, &scenes[..1]);
-    assert!(binning[0] > 0 && binned[0] == 0 && binning[1] > binned[1]);
+    assert_eq!((binning[0], binned[0]), (boxes, 0));
+    assert_eq!(binning[1], binned[1] - dense + records + boxes);
     assert_eq!((sort, read[1]), (tiles, 0));
     // Records at the places of their splats in the scene have gaps.
     assert!(

@@ -2,11 +2,10 @@
 
 use crate::error::{Error, Result};
 use crate::golden;
-use crate::hardware::quantise::{Quantised, quantise_after};
+use crate::hardware::quantise::{ListsBefore, Quantised, quantise_after};
 use crate::output::picture::Picture;
 use crate::output::text::listed;
 use crate::scene::Scene;
-use rtl_model::frame::ListsBefore;
 use rtl_model::machine::{self, Machine};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::probe::Ranges;

@@ -17,7 +17,7 @@ use crate::scene::{
 };
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
-use rtl_model::frame::{self, Frame, ListsBefore, Scaled};
+use rtl_model::frame::{self, Frame, Scaled};
 use rtl_model::machine::{Interpolation, Machine, Sight, TableShape};
 use rtl_model::num::{Format, Word};
 use rtl_model::pipeline::Reach;
@@ -26,6 +26,8 @@ use rtl_model::work::{Found, TILE_PX, Visit, Work};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::sync::Arc;
+
+pub use rtl_model::frame::ListsBefore;
 
 /// Scale from world units to machine units: `machine = (world − offset) · 2^exponent`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]

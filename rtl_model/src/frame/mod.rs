@@ -6,7 +6,7 @@
 
 pub mod lists;
 
-pub use lists::{KeptLists, ListShape, ListsBefore, MergedList, MergedLists};
+pub use lists::{KeptLists, ListsBefore};
 
 /// One splat record (formats: machine `splat`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,10 +1,11 @@
 //! Set up: the first half of the pipeline, the graphs of project and ellipse over batches of
 //! splats.
 
+use super::lists::{Drawn, ListShape, after, merged};
 use super::shading::{EmitEight, emitted, emitting};
 use super::{Culled, Elaborated, run};
-use crate::frame::lists::{self, Drawn};
-use crate::frame::{Ellipsoids, Frame, KeptLists, ListShape, MergedLists, Orientation, Splat};
+use crate::frame::lists::Sides;
+use crate::frame::{Ellipsoids, Frame, KeptLists, Orientation, Splat};
 use crate::functions::Table;
 use crate::graph::{BATCH, Batch, Program, ROWS, Run};
 use crate::kernels::host::{Host, Kernel, Vectorised};
@@ -16,7 +17,8 @@ use crate::units::colour::{Colour, coefficients};
 use crate::units::ellipse::Ellipse;
 use crate::units::fragment::window::WindowRegisters;
 use crate::units::{ellipse, project, raster, shade};
-use crate::work::{Bins, CULLED, TestedWords};
+use crate::work::lists::{clipped, touches};
+use crate::work::{Bins, CULLED, MergedLists, TestedWords};
 use rayon::prelude::*;
 
 /// A splat that has been set up: what setup adds to the splat's own words, and waits in memory
@@ -91,7 +93,7 @@ impl Setup {
         let drawn: Vec<Drawn> = drawn.collect();
         let first = KeptLists::default();
         let before = frame.lists.as_deref().unwrap_or(&first);
-        let merged = before.merged(shape, [frame.width, frame.height], &drawn);
+        let merged = merged(before, shape, [frame.width, frame.height], &drawn);
         if P::WORK {
             probe.merged(merged.clone());
         }
@@ -109,7 +111,7 @@ impl Setup {
         let first = KeptLists::default();
         let before = frame.lists.as_deref().unwrap_or(&first);
         let size_px = [frame.width, frame.height];
-        Some(before.after(merged, size_px, drawn, frame.splats.len()))
+        Some(after(before, merged, size_px, drawn, frame.splats.len()))
     }
 
     /// Brings the splats into the order of their keys, the least or the greatest first; those with
@@ -224,7 +226,7 @@ impl Setup {
 
 impl Lists {
     /// The lists by tiles of the simulator, each in the order of the machine's tile around it.
-    fn bins(&self, size_px: [u32; 2], sides: impl Fn(u32) -> lists::Sides + Copy) -> Bins {
+    fn bins(&self, size_px: [u32; 2], sides: impl Fn(u32) -> Sides + Copy) -> Bins {
         let (tile_px, entries) = (self.merged.tile_px, &self.entries);
         let columns = size_px[0].div_ceil(tile_px) as usize;
         let listed = self.merged.tiles.iter().enumerate();
@@ -233,9 +235,8 @@ impl Lists {
                 let entry = entries[*splat as usize];
                 (entry != u32::MAX).then_some(entry)
             });
-            let here =
-                drawn.filter(move |entry| lists::touches(sides(*entry), tile, tile_px, columns));
-            here.map(move |entry| (entry, lists::clipped(sides(entry), tile, tile_px, columns)))
+            let here = drawn.filter(move |entry| touches(sides(*entry), tile, tile_px, columns));
+            here.map(move |entry| (entry, clipped(sides(entry), tile, tile_px, columns)))
         });
         Bins::new(size_px, TILE_PX, listed)
     }

@@ -2,10 +2,9 @@
 //! drawing.
 
 use super::{Meters, Probe, Ranges};
-use crate::frame::MergedLists;
 use crate::num::{Fit, LANES, LimitedWords, Words};
 use crate::records::{Decision, Signal};
-use crate::work::{CULLED, Recorder, TestedWords, Work};
+use crate::work::{CULLED, MergedLists, Recorder, TestedWords, Work};
 use std::ops::Range;
 
 /// Measures the range of every signal and records the work.

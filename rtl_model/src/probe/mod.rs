@@ -20,12 +20,11 @@ pub use meters::Meters;
 pub use observer::{DynProbe, Observer};
 pub use ranges::{BINS, Range, Ranges};
 
-use crate::frame::MergedLists;
 use crate::num::{Exacts, Fit, LANES, Lanes, LimitedWords, Register, Words, three};
 use crate::records::{
     Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed,
 };
-use crate::work::{CULLED, TestedWords};
+use crate::work::{CULLED, MergedLists, TestedWords};
 
 /// A probe of the machine.
 pub trait Probe: Send + Sync + Sized {

@@ -1,9 +1,8 @@
 //! Recorder: a probe that records [work](crate::work).
 
 use super::Probe;
-use crate::frame::MergedLists;
 use crate::records::Decision;
-use crate::work::{CULLED, Event, Recorder, TestedWords};
+use crate::work::{CULLED, Event, MergedLists, Recorder, TestedWords};
 
 impl Probe for Recorder {
     const WORDS: bool = false;

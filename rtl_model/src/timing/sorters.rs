@@ -41,8 +41,7 @@ use super::memory::{Direction, Memory, Requester};
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use crate::elaboration::sorter::SorterShape;
 use crate::elaboration::unit;
-use crate::frame::MergedLists;
-use crate::work::Work;
+use crate::work::{MergedLists, Work};
 use std::collections::VecDeque;
 use std::ops::Range;
 

@@ -13,10 +13,12 @@
 //!
 //! Laws: `the_record_equals_the_drawing`, `a_record_is_the_same_for_any_number_of_threads`.
 
+pub mod lists;
 mod sound;
 
-use crate::frame::lists::{clipped, touches};
-use crate::frame::{MergedList, MergedLists};
+pub use lists::{MergedList, MergedLists};
+
+use lists::{clipped, touches};
 
 use serde::{Deserialize, Serialize};
 

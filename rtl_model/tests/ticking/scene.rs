@@ -3,9 +3,10 @@
 
 use super::frames::{Rng, in_tile};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::frame::{MergedList, MergedLists};
 use rtl_model::timing::Lists;
-use rtl_model::work::{CULLED, CullReason, Event, Recorder, TILE_PX, TestedWords, Work};
+use rtl_model::work::{
+    CULLED, CullReason, Event, MergedList, MergedLists, Recorder, TILE_PX, TestedWords, Work,
+};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A splat, with the event of every pixel of its box, row by row; `None` for pixels that it does

@@ -150,8 +150,8 @@ pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
             && value.pointer(&place(unit)).is_some_and(Value::is_object)
     };
     let is_used = |field: &str| {
-        !(machine.keeps_lists().is_some() && OF_KEPT_LISTS.contains(&field))
-            && !unused.contains(&field)
+        !(unused.contains(&field)
+            || machine.keeps_lists().is_some() && OF_KEPT_LISTS.contains(&field))
             && (kind == SortKind::Hierarchical || field != "timing.sort.bucket_bits")
     };
     let there = FIELDS.iter().filter(|(field, _)| {
