@@ -896,6 +896,7 @@ fn the_listed_machines_can_be_shown_as_machine_files() {
             "mixed",
             "weighted",
             "gscore",
+            "neo",
             "flicker",
             "nycu",
             "cubed"

@@ -68,6 +68,7 @@ pub fn glass_spheres() -> Scene {
             },
         ],
         detail: None,
+        path: None,
         notes: Vec::new(),
     }
 }

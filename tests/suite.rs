@@ -30,6 +30,7 @@ mod golden_window;
 mod handmade;
 mod harmonics;
 mod hostile;
+mod incremental;
 mod irregular;
 mod layering;
 mod live;

@@ -9,7 +9,7 @@
 //! lists are ordered by mean error, because a decision that flips at a single pixel dominates the
 //! mean square.
 
-use crate::accuracy::partial::{ChosenWords, Footprint, MixedDrawing, UNITS, words};
+use crate::accuracy::partial::{ChosenWords, DrawnFootprints, MixedDrawing, UNITS, words};
 use crate::accuracy::{Distance, db_text, distance};
 use crate::hardware::quantise::Quantised;
 use crate::output::chart::{Axis, Bars};
@@ -82,7 +82,7 @@ pub fn attribute(
         let in_setup = words
             .iter()
             .any(|word| is_in_setup(word, preshaded) && is_part(word));
-        let own: Vec<Footprint>;
+        let own: DrawnFootprints;
         let footprints = if in_setup {
             own = stage.set_up(&choice);
             &own

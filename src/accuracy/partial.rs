@@ -17,11 +17,12 @@ mod window;
 
 use crate::golden::footprint::pixels;
 use crate::golden::fragments::{Fragment, PairRule, nearest_within};
+use crate::golden::lists::{Listed, TileOrder};
 use crate::golden::shade::Shader;
-use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill};
+use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill_ordered};
 use crate::golden::{FragmentDepth, Outcomes, Rules};
 use crate::hardware::fixed;
-use crate::hardware::quantise::Quantised;
+use crate::hardware::quantise::{Quantised, quantise_after};
 use crate::hardware::registers::{Chosen, INPUTS, Registers, SheetWords, WindowWords};
 use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
@@ -133,6 +134,13 @@ pub struct Footprint {
     key: f64,
 }
 
+/// The drawn splats of a frame, in drawing order, or with an order of its own in each tile.
+#[derive(Clone, Debug)]
+pub struct DrawnFootprints {
+    footprints: Vec<Footprint>,
+    order: Option<TileOrder>,
+}
+
 /// Attributes of a contribution: rgb, α, normal.
 const ATTRIBUTES: usize = 7;
 
@@ -168,7 +176,7 @@ impl<'a> MixedDrawing<'a> {
     }
 
     /// Sets up all splats with the chosen words, in drawing order.
-    pub fn set_up(&self, choice: &ChosenWords) -> Vec<Footprint> {
+    pub fn set_up(&self, choice: &ChosenWords) -> DrawnFootprints {
         let (registers, hold) = (self.registers(), choice.hold());
         let view = registers.view(&hold);
         let ellipsoids = self.scene.ellipsoids.as_ref();
@@ -244,6 +252,13 @@ impl<'a> MixedDrawing<'a> {
             .into_par_iter()
             .filter_map(one)
             .collect();
+        let order = self.order(choice, &footprints);
+        if let Some(order) = order {
+            return DrawnFootprints {
+                footprints,
+                order: Some(order),
+            };
+        }
         if (self.quantised.frame.ellipsoids.as_ref()).is_some_and(|ellipsoids| ellipsoids.sorted) {
             footprints.sort_by(|a, b| a.key.total_cmp(&b.key));
             // The farthest first; equal keys stay in the order of the scene.
@@ -251,11 +266,47 @@ impl<'a> MixedDrawing<'a> {
                 footprints.sort_by(|a, b| b.key.total_cmp(&a.key));
             }
         }
-        footprints
+        DrawnFootprints {
+            footprints,
+            order: None,
+        }
+    }
+
+    /// The order of each tile on a machine that keeps lists: earlier frames are set up with the
+    /// same words.
+    fn order(&self, choice: &ChosenWords, footprints: &[Footprint]) -> Option<TileOrder> {
+        let of = |footprint: &Footprint| Listed {
+            splat: footprint.splat,
+            sides: [footprint.columns.clone(), footprint.rows.clone()],
+            key: footprint.key,
+        };
+        let before = |earlier: &Scene| {
+            let single = Scene {
+                path: None,
+                ..earlier.clone()
+            };
+            // The scale of the whole path.
+            let quantised = quantise_after(earlier, &self.machine.machine, None);
+            quantised.map_or_else(
+                |_| Vec::new(),
+                |quantised| {
+                    let set_up =
+                        MixedDrawing::new(&single, self.machine, &quantised).set_up(choice);
+                    set_up.footprints.iter().map(of).collect()
+                },
+            )
+        };
+        // A first frame is sorted.
+        if self.scene.cameras_before().is_empty() {
+            return None;
+        }
+        let now: Vec<Listed> = footprints.iter().map(of).collect();
+        self.rules.lists?.order_after(self.scene, before, &now)
     }
 
     /// Draws footprints with the chosen words.
-    pub fn fill(&self, choice: &ChosenWords, footprints: &[Footprint]) -> Picture {
+    pub fn fill(&self, choice: &ChosenWords, set_up: &DrawnFootprints) -> Picture {
+        let (footprints, order) = (&set_up.footprints, set_up.order.as_ref());
         let (registers, hold) = (self.registers(), choice.hold());
         let shader = Shader::of(self.scene, &self.rules);
         let frame = FrameWords {
@@ -280,20 +331,20 @@ impl<'a> MixedDrawing<'a> {
             .collect();
         let background = self.machine.real_resolve(&[], frame.background).map(number);
         if let Some(words) = &frame.windows {
-            return fill(&self.scene.image, &drawn, background, || {
+            return fill_ordered(&self.scene.image, &drawn, order, background, || {
                 WindowPixels::new(&frame, words)
             })
             .picture;
         }
         match &frame.sheets {
             None => {
-                fill(&self.scene.image, &drawn, background, || {
+                fill_ordered(&self.scene.image, &drawn, order, background, || {
                     FragmentPixels::new(&frame)
                 })
                 .picture
             }
             Some(words) => {
-                fill(&self.scene.image, &drawn, background, || {
+                fill_ordered(&self.scene.image, &drawn, order, background, || {
                     SheetPixels::new(&frame, words)
                 })
                 .picture

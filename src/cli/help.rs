@@ -13,7 +13,7 @@ macro_rules! names {
         "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
          volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet, city\n\
          Named machines: reference, lean, tiny, window; volume; gaussian, fp16,\n\
-         mixed, weighted, gscore, flicker, nycu, cubed"
+         mixed, weighted, gscore, neo, flicker, nycu, cubed"
     };
 }
 

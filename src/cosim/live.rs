@@ -134,6 +134,7 @@ impl Constants {
         let elaborated = fixed::elaborate(machine)?;
         let mut frame = quantise(scene, machine)?.frame;
         Window::default().check(&frame)?;
+        frame.lists = None;
         // Units depend on no list of splats, except that ellipsoids may have their own axes.
         frame.splats = Vec::new();
         if let Some(ellipsoids) = &mut frame.ellipsoids {

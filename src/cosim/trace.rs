@@ -134,13 +134,20 @@ pub fn trace(
         .text
         .filter(|text| origin.frame == 0 && is_complete(text));
     let elaborated = fixed::elaborate(machine)?;
-    let frame = quantise(scene, machine)?.frame;
+    let mut frame = quantise(scene, machine)?.frame;
     let kind = Kind::of(&frame);
     if elaborated.tests_blocks(&frame).is_some() && window.stimulus.is_none() {
         return Err(Error::input(
             "the machine's `contribution` leaves out blocks of pixels, and records of raster have no mask: leave `contribution` out, or use --stimulus without --waves",
         ));
     }
+    if frame.lists.is_some() && window.stimulus.is_none() {
+        return Err(Error::input(format!(
+            "sort.kind is incremental, and the lists of frame {} depend on the frames before it, which a trace does not have: trace frame 0, or use another sort.kind",
+            scene.cameras_before().len()
+        )));
+    }
+    frame.lists = None;
     let rectangle = window.check(&frame)?;
     if window.waves.is_some()
         && frame.surroundings.is_some()

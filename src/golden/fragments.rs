@@ -433,6 +433,7 @@ mod tests {
         },
         sums_gaussians: false,
         reflection: None,
+        lists: None,
         blocks: None,
     };
 

@@ -17,6 +17,7 @@ pub(crate) mod footprint;
 pub(crate) mod fragments;
 mod ideal;
 pub(crate) mod intervals;
+pub(crate) mod lists;
 mod pixel_trace;
 pub(crate) mod reflection;
 pub(crate) mod shade;
@@ -37,6 +38,7 @@ use intervals::Spanning;
 use shade::Shader;
 
 pub use fragments::{Decision, Merge, Side};
+pub use lists::{KeptLists, ListMemory};
 pub use pixel_trace::{PixelTrace, TracedContribution, TracedLayer, pixel_trace};
 pub use reflection::{Reflected, Reflection, octahedral};
 pub use window::density as window_density;
@@ -64,6 +66,9 @@ pub struct Rules {
     pub sums_gaussians: bool,
     /// How surroundings are mirrored; none: exactly, as [`ideal`] always does.
     pub reflection: Option<Reflection>,
+    /// Gaussians only: how lists are kept from frame to frame; none: every list is sorted, as
+    /// [`ideal`] always does.
+    pub lists: Option<KeptLists>,
     /// Gaussians only: how blocks of pixels are tested; none: every block is drawn, as [`ideal`]
     /// always does.
     pub blocks: Option<BlockTest>,
@@ -97,6 +102,7 @@ impl Default for Rules {
             window: WindowOptions::default(),
             sums_gaussians: false,
             reflection: None,
+            lists: None,
             blocks: None,
         }
     }
@@ -289,17 +295,26 @@ impl Outcomes {
 
 /// Renderer `golden`: the hardware's algorithm with the same rules and in the same order, in f64.
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
+    render_with(scene, rules, None)
+}
+
+/// [`render`] of the frame of a sequence after those that are in `memory`, to which it is added.
+pub fn render_next(scene: &Scene, rules: &Rules, memory: &mut ListMemory) -> Rendering {
+    render_with(scene, rules, Some(memory))
+}
+
+fn render_with(scene: &Scene, rules: &Rules, memory: Option<&mut ListMemory>) -> Rendering {
     let shader = Shader::of(scene, rules);
     match scene.sheets_for(rules.sums_gaussians) {
         Some(sheets) if sheets.of == Sheet::Splat && rules.blocks.is_some() => {
-            tiles::draw_tested(scene, &shader, rules, || {
+            tiles::draw_tested(scene, &shader, (rules, memory), || {
                 sheets::SheetPainter::new(&sheets, shader.background())
             })
         }
         Some(sheets) => tiles::draw(
             scene,
             &shader,
-            rules.turn_normals,
+            (rules.turn_normals, rules.lists.map(|lists| (lists, memory))),
             sheets.least_weight,
             || sheets::SheetPainter::new(&sheets, shader.background()),
         ),
@@ -311,10 +326,10 @@ fn surfaces(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
     let (turn, z_threshold) = (rules.turn_normals, scene.surface.z_threshold);
     match (rules.group, rules.merge) {
         (_, Merge::Window) | (Group::Window, _) => window::draw(scene, shader, rules),
-        (Group::First, _) => tiles::draw(scene, shader, turn, 0.0, || {
+        (Group::First, _) => tiles::draw(scene, shader, (turn, None), 0.0, || {
             FragmentPainter::<Fragment>::new(rules, z_threshold, shader)
         }),
-        (Group::Interval, _) => tiles::draw(scene, shader, turn, 0.0, || {
+        (Group::Interval, _) => tiles::draw(scene, shader, (turn, None), 0.0, || {
             FragmentPainter::<Spanning>::new(rules, z_threshold, shader)
         }),
     }
@@ -354,13 +369,15 @@ pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
     let is_in_order = (scene.ellipsoids.as_ref())
         .is_some_and(|ellipsoids| ellipsoids.sorted && ellipsoids.amplitude != Amplitude::Disc);
     match &scene.sheets {
-        Some(sheets) if is_in_order => tiles::draw(scene, &shader, turn_normals, 0.0, || {
-            sheets::IdealOrderedPainter::new(sheets, shader.background())
-        }),
-        Some(sheets) => tiles::draw(scene, &shader, turn_normals, 0.0, || {
+        Some(sheets) if is_in_order => {
+            tiles::draw(scene, &shader, (turn_normals, None), 0.0, || {
+                sheets::IdealOrderedPainter::new(sheets, shader.background())
+            })
+        }
+        Some(sheets) => tiles::draw(scene, &shader, (turn_normals, None), 0.0, || {
             sheets::IdealSheetPainter::new(sheets, shader.background())
         }),
-        None => tiles::draw(scene, &shader, turn_normals, 0.0, || {
+        None => tiles::draw(scene, &shader, (turn_normals, None), 0.0, || {
             IdealPainter::new(scene.surface.z_threshold, &shader)
         }),
     }

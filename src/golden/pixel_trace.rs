@@ -4,6 +4,7 @@
 use super::footprint::{self, Footprint};
 use super::fragments::{Fragment, FragmentPainter, Slot, resolve};
 use super::intervals::Spanning;
+use super::lists::KeptLists;
 use super::reflection::Reflected;
 use super::shade::{Shader, over};
 use super::sheets::{SheetOutcome, SheetState};
@@ -93,7 +94,8 @@ pub fn pixel_trace(scene: &Scene, rules: &Rules, x: usize, y: usize) -> PixelTra
     let shader = Shader::of(scene, rules);
     if let Some(sheets) = scene.sheets_for(rules.sums_gaussians) {
         let blocks = rules.blocks.filter(|_| sheets.of == Sheet::Splat);
-        return of_sheets(scene, &sheets, &shader, blocks, [x as u32, y as u32]);
+        let how = (blocks, rules.lists);
+        return of_sheets(scene, &sheets, &shader, how, [x as u32, y as u32]);
     }
     let pixel = [x as u32, y as u32];
     match (rules.group, rules.merge) {
@@ -113,7 +115,7 @@ fn of_fragments<S: Slot>(
     let contributions = contributions(
         scene,
         shader,
-        (rules.turn_normals, None),
+        (rules.turn_normals, None, None),
         pixel,
         |_, fragment| golden.decide(0, fragment),
     );
@@ -139,7 +141,7 @@ fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) ->
     let contributions = contributions(
         scene,
         shader,
-        (rules.turn_normals, None),
+        (rules.turn_normals, None, None),
         pixel,
         |footprint, sums| {
             pixels.decide(
@@ -184,24 +186,25 @@ fn of_sheets(
     scene: &Scene,
     sheets: &Sheets,
     shader: &Shader,
-    blocks: Option<BlockTest>,
+    (blocks, lists): (Option<BlockTest>, Option<KeptLists>),
     at: [u32; 2],
 ) -> PixelTrace {
     let mut pixel = SheetState::default();
-    let contributions = contributions(
-        scene,
-        shader,
-        (false, blocks),
-        at,
-        |_, fragment| match pixel.take(sheets, &fragment) {
-            SheetOutcome::Added => Decision::Accumulated { slot: 1 },
-            SheetOutcome::First => Decision::Inserted {
-                slot: usize::from(sheets.of != Sheet::Splat),
+    let contributions =
+        contributions(
+            scene,
+            shader,
+            (false, blocks, lists),
+            at,
+            |_, fragment| match pixel.take(sheets, &fragment) {
+                SheetOutcome::Added => Decision::Accumulated { slot: 1 },
+                SheetOutcome::First => Decision::Inserted {
+                    slot: usize::from(sheets.of != Sheet::Splat),
+                },
+                SheetOutcome::Next => Decision::Merged { slot: 0, place: 1 },
+                SheetOutcome::Dropped => Decision::Dropped,
             },
-            SheetOutcome::Next => Decision::Merged { slot: 0, place: 1 },
-            SheetOutcome::Dropped => Decision::Dropped,
-        },
-    );
+        );
     let colour = pixel.colour(sheets);
     let all = Fragment {
         rgb: colour.truncate(),
@@ -225,16 +228,29 @@ fn of_sheets(
 fn contributions(
     scene: &Scene,
     shader: &Shader,
-    (turn_normals, blocks): (bool, Option<BlockTest>),
+    (turn_normals, blocks, lists): (bool, Option<BlockTest>, Option<KeptLists>),
     [x, y]: [u32; 2],
     mut decide: impl FnMut(&Footprint, Fragment) -> Decision,
 ) -> Vec<TracedContribution> {
     let view = scene.view();
     let footprints = (0..scene.splats.len())
         .filter_map(|index| footprint::set_up(scene, &view, index, scene.least_weight()).ok());
-    let mut touching: Vec<Footprint> = footprints
-        .filter(|footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y))
-        .collect();
+    let here =
+        |footprint: &Footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y);
+    // The order of kept lists depends on splats elsewhere.
+    let (mut touching, order): (Vec<Footprint>, _) = match lists {
+        None => (footprints.filter(here).collect(), None),
+        Some(lists) => {
+            let all: Vec<Footprint> = footprints.collect();
+            let order = lists.order(scene, (scene.least_weight(), None), &all);
+            let of_tile = order
+                .as_ref()
+                .map(|order| order.around([x as usize, y as usize]));
+            let splats: Option<Vec<u32>> =
+                of_tile.map(|tile| tile.iter().map(|nth| all[*nth as usize].splat).collect());
+            (all.into_iter().filter(here).collect(), splats)
+        }
+    };
     for footprint in &mut touching {
         footprint.blocks = blocks;
     }
@@ -242,6 +258,9 @@ fn contributions(
         touching.iter_mut().for_each(Footprint::turn_normal);
     }
     put_in_order(scene, shader, &mut touching);
+    if let Some(order) = order {
+        touching.sort_by_key(|footprint| order.iter().position(|splat| *splat == footprint.splat));
+    }
     let contributions = touching.iter().filter_map(|footprint| {
         let contribution = footprint.row(y).at(x)?;
         let decision = decide(footprint, Fragment::new(footprint, &contribution, [x, y]));

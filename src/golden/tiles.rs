@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::footprint::{self, Cull, Footprint};
 use super::fragments::Fragment;
+use super::lists::{KeptLists, ListMemory, TileOrder};
 use super::shade::Shader;
 use super::{Culled, Outcomes, Rendering, Rules};
 use crate::output::picture::Picture;
@@ -48,21 +49,23 @@ pub(crate) trait Painter {
     fn outcomes(&self) -> Outcomes;
 }
 
-/// Draws the scene without weights below the least, with normals turned or not; each band of tiles
-/// has its own painter.
+/// Draws the scene without weights below the least, with normals turned or not, with lists that are
+/// kept from frame to frame or not; each band of tiles has its own painter.
 pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     scene: &Scene,
     shader: &Shader,
-    turn_normals: bool,
+    (turn_normals, lists): (bool, Option<(KeptLists, Option<&mut ListMemory>)>),
     least_weight: f64,
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
     let (image, background) = (&scene.image, shader.background());
     if scene.ellipsoids.is_some() {
         let (footprints, culled) = footprints(scene, shader, turn_normals, least_weight);
+        let order = lists
+            .and_then(|(lists, memory)| lists.order(scene, (least_weight, memory), &footprints));
         return Rendering {
             culled,
-            ..fill(image, &footprints, background, painter)
+            ..fill_ordered(image, &footprints, order.as_ref(), background, painter)
         };
     }
     // Discs are neither lit nor sorted before they are drawn.
@@ -98,17 +101,25 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
 pub(super) fn draw_tested<P: Painter<Contribution = Fragment>>(
     scene: &Scene,
     shader: &Shader,
-    rules: &Rules,
+    (rules, memory): (&Rules, Option<&mut ListMemory>),
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
     let (mut footprints, culled) =
         footprints(scene, shader, rules.turn_normals, scene.least_weight());
+    let order = (rules.lists)
+        .and_then(|lists| lists.order(scene, (scene.least_weight(), memory), &footprints));
     for footprint in &mut footprints {
         footprint.blocks = rules.blocks;
     }
     Rendering {
         culled,
-        ..fill(&scene.image, &footprints, shader.background(), painter)
+        ..fill_ordered(
+            &scene.image,
+            &footprints,
+            order.as_ref(),
+            shader.background(),
+            painter,
+        )
     }
 }
 
@@ -216,6 +227,17 @@ pub(crate) fn fill<C: Cover, P: Painter<Contribution = C::Contribution>>(
     background: [f64; 4],
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
+    fill_ordered(image, footprints, None, background, painter)
+}
+
+/// [`fill`], with an order of its own in each tile, if one is given.
+pub(crate) fn fill_ordered<C: Cover, P: Painter<Contribution = C::Contribution>>(
+    image: &Image,
+    footprints: &[C],
+    order: Option<&TileOrder>,
+    background: [f64; 4],
+    painter: impl Fn() -> P + Sync,
+) -> Rendering {
     let (width, height) = (image.width, image.height);
     let bands = bands(footprints, height);
     let mut rgba = vec![background; width * height];
@@ -238,7 +260,7 @@ pub(crate) fn fill<C: Cover, P: Painter<Contribution = C::Contribution>>(
                 fragments: 0,
                 most_in_a_pixel: 0,
             };
-            band.draw(footprints, members);
+            band.draw(footprints, members, order);
             let outcomes = Outcomes {
                 most_in_a_pixel: band.most_in_a_pixel,
                 ..band.painter.outcomes()
@@ -315,6 +337,7 @@ impl<P: Painter> Band<'_, P> {
         &mut self,
         footprints: &[C],
         members: &[u32],
+        order: Option<&TileOrder>,
     ) {
         let mut columns = vec![Vec::new(); self.width.div_ceil(TILE_PX)];
         for &member in members {
@@ -324,6 +347,18 @@ impl<P: Painter> Band<'_, P> {
             }
         }
         for (column, members) in columns.iter().enumerate() {
+            let listed: Vec<u32>;
+            let members = match order {
+                None => members,
+                // Members are in ascending order.
+                Some(order) => {
+                    let all = order.around([column * TILE_PX, self.top]).iter().copied();
+                    listed = all
+                        .filter(|member| members.binary_search(member).is_ok())
+                        .collect();
+                    &listed
+                }
+            };
             let mut arrivals = [0; PIXELS_IN_A_TILE];
             for &member in members {
                 self.scatter(

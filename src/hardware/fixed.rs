@@ -2,14 +2,16 @@
 
 use crate::error::{Error, Result};
 use crate::golden;
-use crate::hardware::quantise::Quantised;
+use crate::hardware::quantise::{ListsBefore, Quantised, quantise_after};
 use crate::output::picture::Picture;
 use crate::output::text::listed;
+use crate::scene::Scene;
 use rtl_model::machine::{self, Machine};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::probe::Ranges;
 use rtl_model::work::Work;
 use rtl_model::{Drawing, pipeline};
+use std::sync::Arc;
 
 /// Elaborates a machine.
 ///
@@ -23,6 +25,35 @@ pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
             listed(&errors)
         ))
     })
+}
+
+/// What a machine that keeps lists has in memory before a frame of a sequence; none on other
+/// machines and before a first frame. All frames before this one are set up.
+///
+/// # Errors
+/// As [`quantise`](super::quantise::quantise).
+pub fn lists_before(scene: &Scene, machine: &Machine) -> Result<ListsBefore> {
+    let is_sorted = (scene.ellipsoids.as_ref()).is_some_and(|ellipsoids| ellipsoids.sorted);
+    if machine.keeps_lists().is_none() || !is_sorted || scene.cameras_before().is_empty() {
+        return Ok(None);
+    }
+    let elaborated = elaborate(machine)?;
+    let mut before = Ok(None);
+    scene.each_before(|earlier| {
+        if let Ok(lists) = &before {
+            let lists = lists.clone();
+            before = quantise_after(earlier, machine, lists)
+                .map(|quantised| lists_after(&elaborated, &quantised));
+        }
+    });
+    before
+}
+
+/// What a machine that keeps lists has in memory after a frame; none on other machines.
+pub fn lists_after(machine: &Elaborated, quantised: &Quantised) -> ListsBefore {
+    machine.machine.keeps_lists()?;
+    let setup = pipeline::set_up_unobserved(machine, &quantised.frame);
+    setup.kept_lists(&quantised.frame).map(Arc::new)
 }
 
 /// Draws without a probe.
@@ -91,6 +122,11 @@ pub fn rules(machine: &Machine) -> golden::Rules {
         reflection: machine.reflect.as_ref().map(|reflect| golden::Reflection {
             index_bits: reflect.index_bits.clamp(1, 8),
             by_ray: reflect.sight == machine::Sight::Ray,
+        }),
+        lists: machine.keeps_lists().map(|kept| golden::KeptLists {
+            tile_px: kept.tile_px.next_multiple_of(16).max(16) as usize,
+            chunk: kept.chunk.max(2) as usize,
+            farthest_first: fragment.composite().is_some(),
         }),
         blocks: machine.contribution.map(|test| golden::BlockTest {
             side_px: test.block_px,

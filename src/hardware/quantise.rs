@@ -8,6 +8,7 @@
 
 use crate::error::{Error, Result};
 use crate::golden::{octahedral, window_density};
+use crate::hardware::fixed::lists_before;
 use crate::output::text::listed;
 use crate::scene::tree::cut::{self, Budget, DrawOrder};
 use crate::scene::{
@@ -25,6 +26,8 @@ use rtl_model::work::{Found, TILE_PX, Visit, Work};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::sync::Arc;
+
+pub use rtl_model::frame::ListsBefore;
 
 /// Scale from world units to machine units: `machine = (world − offset) · 2^exponent`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
@@ -170,6 +173,7 @@ impl Part {
             materials: scene.materials.clone(),
             environment: scene.environment.clone(),
             detail: None,
+            path: None,
             notes: Vec::new(),
             ..*scene
         }
@@ -190,13 +194,30 @@ pub fn quantise_part(scene: &Scene, part: &Part, machine: &Machine) -> Result<Qu
 /// [`Error::Input`] where registers cannot hold constants of the scene, with every such register
 /// and a format that would hold them.
 pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
+    quantise_after(scene, machine, lists_before(scene, machine)?)
+}
+
+/// [`quantise`] of a frame, with what the machine has in memory after the frame before it.
+///
+/// # Errors
+/// As [`quantise`].
+pub fn quantise_after(scene: &Scene, machine: &Machine, lists: ListsBefore) -> Result<Quantised> {
     // The scale covers every leaf, drawn or not.
     let all = scene.full().map(|full| Scene {
         splats: [full.splats, scene.splats.clone()].concat(),
         ..full
     });
-    let extents = Extents::of(all.as_ref().unwrap_or(scene), &scene.view());
-    quantise_scaled(scene, extents, machine)
+    let whole = all.as_ref().unwrap_or(scene);
+    let mut extents = Extents::of(whole, &scene.view());
+    // Keys of one frame are compared with those of the frame before: all frames have one scale.
+    if machine.keeps_lists().is_some() {
+        for camera in scene.cameras_of_path() {
+            extents.include(&Extents::of(whole, &camera.view(&scene.image)));
+        }
+    }
+    let mut quantised = quantise_scaled(scene, extents, machine)?;
+    quantised.frame.lists = lists;
+    Ok(quantised)
 }
 
 fn quantise_scaled(scene: &Scene, extents: Extents, machine: &Machine) -> Result<Quantised> {
@@ -246,6 +267,7 @@ fn quantise_scaled(scene: &Scene, extents: Extents, machine: &Machine) -> Result
         sheets: registers.sheets(scene),
         window: registers.window(scene, &scale),
         surroundings: registers.surroundings(scene, &view),
+        lists: None,
     };
     if registers.errors.is_empty() {
         return Ok(Quantised {
@@ -319,6 +341,12 @@ impl Extents {
             need.depth = need.depth.max(depth + splat.radius * need.root_cutoff);
         }
         need
+    }
+
+    /// Covers another view of the same splats.
+    fn include(&mut self, other: &Extents) {
+        self.depth = self.depth.max(other.depth);
+        self.eye = self.eye.max(other.eye);
     }
 
     /// The greatest power of two with which every value is in range.

@@ -398,7 +398,9 @@ fn candidates_of_lists(machine: &Machine, work: &Work) -> Vec<Candidate> {
             choices("bin.mask_tests", json!(tests), &[twice]);
         }
     }
-    if let Some(sort) = machine.sort.filter(|_| !work.order.is_empty()) {
+    // Kept lists have an order of their own.
+    let sort = machine.sort.filter(|_| machine.keeps_lists().is_none());
+    if let Some(sort) = sort.filter(|_| !work.order.is_empty()) {
         let mut kinds = vec![json!(SortKind::Radix), json!(SortKind::Tile)];
         if work.keys.len() == work.order.len() {
             kinds.push(json!(SortKind::Hierarchical));

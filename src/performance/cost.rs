@@ -573,6 +573,8 @@ impl Energy {
             unit::BIN if machine.timing.bin.is_some() || machine.timing.tiles_per_cycle > 1 => {
                 tested
             }
+            // Each entry of a kept list is written back.
+            unit::LIST if machine.timing.keeps_lists() => counted(unit::LIST),
             // The parts of list are those of its masks, in all engines.
             unit::LIST | unit::CONTRIBUTION => masks.map_or(0, |masks| masks.list_cycles) as f64,
             // Each shaded fragment may be reflected.

@@ -6,6 +6,7 @@
 //!                      "splatsim-work-6\n", the same, and the keys of sorted splats, where buckets depend on them
 //!                      "splatsim-work-7\n", the same, and the words of splats, where tests of tiles depend on them
 //!                      "splatsim-work-8\n", the same, and the masks of blocks, where blocks are tested
+//!                      "splatsim-work-9\n", the same, and the lists of tiles, where they are kept from frame to frame
 //! ```
 //! The events depend on all fields of a machine except `timing`: only `timing` can be changed.
 //!
@@ -47,8 +48,17 @@ const MAGIC_WITH_KEYS: &[u8] = b"splatsim-work-6\n";
 const MAGIC_WITH_WORDS: &[u8] = b"splatsim-work-7\n";
 /// Beginning of a file with keys and words, which may be empty, and masks of blocks at its end.
 const MAGIC_WITH_MASKS: &[u8] = b"splatsim-work-8\n";
+/// Beginning of a file with keys, words and masks, which may be empty, and lists that are kept from
+/// frame to frame at its end.
+const MAGIC_WITH_LISTS: &[u8] = b"splatsim-work-9\n";
 /// All beginnings.
-const MAGICS: [&[u8]; 4] = [MAGIC, MAGIC_WITH_KEYS, MAGIC_WITH_WORDS, MAGIC_WITH_MASKS];
+const MAGICS: [&[u8]; 5] = [
+    MAGIC,
+    MAGIC_WITH_KEYS,
+    MAGIC_WITH_WORDS,
+    MAGIC_WITH_MASKS,
+    MAGIC_WITH_LISTS,
+];
 
 /// Columns and rows of the roofline.
 const ROOFLINE_PX: [u32; 2] = [860, 600];
@@ -139,10 +149,12 @@ impl Recording {
             keys,
             tested,
             cutoff,
+            lists,
             ..
         } = &parts.work;
         let masks = parts.work.masks();
         let magic = match (keys.is_empty(), tested.is_empty()) {
+            _ if lists.is_some() => MAGIC_WITH_LISTS,
             _ if !masks.is_empty() => MAGIC_WITH_MASKS,
             (true, true) => MAGIC,
             (false, true) => MAGIC_WITH_KEYS,
@@ -157,6 +169,10 @@ impl Recording {
                 MAGIC_WITH_KEYS => postcard::to_io(keys, &mut *file).map(|_| ()),
                 MAGIC_WITH_MASKS => {
                     postcard::to_io(&(keys, tested, cutoff, &masks), &mut *file).map(|_| ())
+                }
+                MAGIC_WITH_LISTS => {
+                    let all = (keys, tested, cutoff, &masks, lists);
+                    postcard::to_io(&all, &mut *file).map(|_| ())
                 }
                 _ => postcard::to_io(&(keys, tested, cutoff), &mut *file).map(|_| ()),
             });
@@ -200,6 +216,19 @@ impl Recording {
                 .map_err(|_| damaged("its keys, its words or its masks are truncated"))?;
             work.take_masks(&masks).map_err(|what| damaged(&what))?;
         }
+        if magic == MAGIC_WITH_LISTS {
+            let work = &mut parts.work;
+            let masks: Vec<u16>;
+            (
+                (work.keys, work.tested, work.cutoff, masks, work.lists),
+                left,
+            ) = postcard::take_from_bytes(left).map_err(|_| {
+                damaged("its keys, its words, its masks or its lists are truncated")
+            })?;
+            if !masks.is_empty() {
+                work.take_masks(&masks).map_err(|what| damaged(&what))?;
+            }
+        }
         if !left.is_empty() {
             return Err(damaged("it has data after its end"));
         }
@@ -218,6 +247,8 @@ impl Recording {
         holds_words(&machine, &parts.work).map_err(|_| {
             damaged("its machine tests tiles, but it has no words of its splats for this test")
         })?;
+        holds_lists(&machine, &parts.work)
+            .map_err(|_| damaged("its lists are not those of its machine"))?;
         if machine.contribution.is_some() && !parts.work.has_masks() {
             return Err(damaged("its machine tests blocks, but it has no masks"));
         }
@@ -242,8 +273,8 @@ impl Recording {
             )));
         }
         let machine = machines::changed(&self.machine, setting, &flag)?;
-        draws_as(&machine, &self.machine)
-            .and_then(|()| self.can_time(&machine))
+        self.can_time(&machine)
+            .and_then(|()| draws_as(&machine, &self.machine))
             .map_err(|what| Error::input(format!("{flag}: {what}")))?;
         self.machine = machine;
         Ok(())
@@ -264,6 +295,7 @@ impl Recording {
     /// Whether the record has what a machine needs.
     fn can_time(&self, machine: &Machine) -> std::result::Result<(), String> {
         holds_stack(machine.timing.walk, self.work.deepest_stack())?;
+        holds_lists(machine, &self.work)?;
         holds_keys(machine, &self.work)?;
         holds_words(machine, &self.work)?;
         let size = [self.work.width, self.work.height].map(|side| side as usize);
@@ -334,6 +366,19 @@ fn holds_keys(machine: &Machine, work: &Work) -> std::result::Result<(), String>
         return Err("the record lacks the keys of its splats, which buckets depend on: record the frame with sort.kind=hierarchical".into());
     }
     Ok(())
+}
+
+/// Whether the lists of a record are those of a machine: kept from frame to frame, or sorted
+/// completely.
+fn holds_lists(machine: &Machine, work: &Work) -> std::result::Result<(), String> {
+    match (machine.keeps_lists(), &work.lists) {
+        (None, Some(_)) => Err("lists that are kept from frame to frame (sort.kind incremental) have another order than those of other kinds: draw the frame again".into()),
+        (Some(_), None) if !work.order.is_empty() => Err("the record has no lists that are kept from frame to frame (sort.kind incremental), and its order is another one: draw the frame again".into()),
+        (Some(kept), Some(lists)) if [kept.tile_px, kept.chunk] != [lists.tile_px, lists.chunk] => {
+            Err("sort.incremental decides the picture: draw the frame again".into())
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Whether a record has the words of splats that a machine with a test of tiles needs, and they are

@@ -56,10 +56,13 @@ pub fn fields_of_lists() -> String {
 /// # Errors
 /// A sentence.
 pub fn draws_as(machine: &Machine, other: &Machine) -> std::result::Result<(), String> {
-    if machine.sums_gaussians() == other.sums_gaussians() {
-        return Ok(());
+    if machine.sums_gaussians() != other.sums_gaussians() {
+        return Err("Gaussians are summed with sort.kind none and blended with the other kinds, which are different pictures: draw the frame again".into());
     }
-    Err("Gaussians are summed with sort.kind none and blended with the other kinds, which are different pictures: draw the frame again".into())
+    if machine.keeps_lists() != other.keeps_lists() {
+        return Err("lists are kept from frame to frame with sort.kind incremental and sorted completely with the other kinds, which are different pictures: draw the frame again".into());
+    }
+    Ok(())
 }
 
 /// A field that changes no picture, and its values.

@@ -12,9 +12,9 @@ use crate::accuracy::ranges::{Overflows, SignalReport};
 use crate::accuracy::{CheckedTiles, Lockstep, lockstep_in};
 use crate::error::Result;
 use crate::golden;
-use crate::golden::{Rendering, Rules};
+use crate::golden::{ListMemory, Rendering, Rules};
 use crate::hardware::fixed;
-use crate::hardware::quantise::{Quantised, quantise};
+use crate::hardware::quantise::{ListsBefore, Quantised, quantise, quantise_after};
 use crate::output::picture::Picture;
 use crate::run::detail;
 use crate::scene::Scene;
@@ -84,6 +84,26 @@ impl<'a> Evaluation<'a> {
         })
     }
 
+    /// The next frame of a sequence on a machine that is already elaborated; `lists` is what it has
+    /// in memory after the frame before, and none before the first one.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Input`] if the machine cannot hold the scene.
+    pub fn after(scene: &'a Scene, machine: &'a Elaborated, lists: ListsBefore) -> Result<Self> {
+        let scene = detail::within_budget(scene, machine)?;
+        let quantised = quantise_after(&scene, &machine.machine, lists)?;
+        Ok(Evaluation {
+            scene,
+            machine: Cow::Borrowed(machine),
+            quantised,
+        })
+    }
+
+    /// What the machine has in memory after the frame, for the next one.
+    pub fn lists_after(&self) -> ListsBefore {
+        fixed::lists_after(&self.machine, &self.quantised)
+    }
+
     /// The machine's rules for fragments.
     pub fn rules(&self) -> Rules {
         fixed::rules(&self.machine.machine)
@@ -120,6 +140,11 @@ impl<'a> Evaluation<'a> {
     /// Picture of exact arithmetic by the same rules.
     pub fn golden(&self) -> Rendering {
         golden::render(&self.scene, &self.rules())
+    }
+
+    /// [`Evaluation::golden`] of the frame of a sequence after those that are in `memory`.
+    pub fn golden_next(&self, memory: &mut ListMemory) -> Rendering {
+        golden::render_next(&self.scene, &self.rules(), memory)
     }
 
     /// The machine with `golden` in lockstep.

@@ -15,8 +15,9 @@ pub use report::{FrameReport, Host, Report, SceneReport, Spread, Spreads};
 use crate::accuracy::flicker::{FlickerSums, Pictures};
 use crate::error::{Error, Result};
 use crate::golden;
+use crate::golden::ListMemory;
 use crate::hardware::fixed;
-use crate::hardware::quantise::quantise;
+use crate::hardware::quantise::{ListsBefore, quantise_after};
 use crate::output::files::{Unwritten, remove_if_there, write_all, write_beside};
 use crate::output::picture::Picture;
 use crate::output::progress::Progress;
@@ -61,7 +62,7 @@ pub fn check(sequence: &mut Sequence, machine: &Machine) -> Result<()> {
                 .is_some()
         });
         if !is_open {
-            quantise(scene, machine).map_err(|error| match error {
+            quantise_after(scene, machine, None).map_err(|error| match error {
                 Error::Input(sentence) => Error::input(format!("frame {frame}: {sentence}")),
                 job @ Error::Job(_) => job,
             })?;
@@ -107,6 +108,7 @@ pub fn run(
         .map(|path| Video::create(path, scene.width, scene.height))
         .transpose()?;
     let (mut frames, mut before) = (Vec::new(), None);
+    let mut lists = (None, ListMemory::default());
     let mut all = FlickerSums::default();
     let mut host = Host {
         threads: rayon::current_num_threads(),
@@ -115,7 +117,7 @@ pub fn run(
     };
     for number in 0..sequence.cameras().len() {
         let seen = sequence.frame(number)?;
-        let drawn = DrawnFrame::new(seen, &elaborated, &mut host)?;
+        let drawn = DrawnFrame::new(seen, &elaborated, &mut lists, &mut host)?;
         let encoded = seen.image.encoded;
         let Pictures { golden, fixed, .. } = &drawn.pictures;
         let against = photographs
@@ -173,8 +175,16 @@ struct DrawnFrame {
 }
 
 impl DrawnFrame {
-    fn new(scene: &Scene, machine: &Elaborated, host: &mut Host) -> Result<Self> {
-        let evaluation = Evaluation::on(scene, machine)?;
+    /// Draws the next frame; `lists` is what the machine and golden have in memory before it, and
+    /// then after it.
+    fn new(
+        scene: &Scene,
+        machine: &Elaborated,
+        (lists, memory): &mut (ListsBefore, ListMemory),
+        host: &mut Host,
+    ) -> Result<Self> {
+        let evaluation = Evaluation::after(scene, machine, lists.take())?;
+        *lists = evaluation.lists_after();
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
         let overflows = observed.overflows();
         let Observed {
@@ -190,7 +200,7 @@ impl DrawnFrame {
                 &timing::replay(&machine.timing, &work, Detail::Histograms),
             )
         };
-        let (golden, golden_seconds) = timed(|| evaluation.golden().picture);
+        let (golden, golden_seconds) = timed(|| evaluation.golden_next(memory).picture);
         let exact = || {
             let (ideal, seconds) = timed(|| golden::ideal(scene).picture);
             let accuracy = Distances::between(&fixed, &golden, &ideal);

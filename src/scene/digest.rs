@@ -31,6 +31,7 @@ pub fn digest_of(scene: &Scene) -> String {
         environment,
         // The splats are the cut of a tree; `ideal` draws the whole tree.
         detail,
+        path: _,
     } = scene;
     let mut sha = Sha256::new();
     let Kernel {
@@ -65,6 +66,10 @@ pub fn digest_of(scene: &Scene) -> String {
     let mut camera = format!(
         "Camera {{ eye: {eye:?}, target: {target:?}, up: {up:?}, {angle}, near: {near:?} }}"
     );
+    // A frame after others can depend on them.
+    if !scene.cameras_before().is_empty() {
+        camera += &format!("{:?}", scene.path);
+    }
     if focal_px.or(*centre_px).is_some() {
         camera += &format!("{focal_px:?}{centre_px:?}{picture_px:?}");
     }

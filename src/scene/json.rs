@@ -9,8 +9,8 @@ use super::gaussians::{Gaussian, Gaussians};
 use super::volume::{Arrays, RawDescription, Samples};
 use super::voxels::{Classification, MOST_OPACITY, TransferPoint, Voxels, depth_of_layer};
 use super::{
-    Amplitude, Camera, Ellipsoids, Harmonics, Image, Kernel, LEAST_RADIUS, Light, Material,
-    Opacity, Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
+    Amplitude, Camera, Ellipsoids, FramePath, Harmonics, Image, Kernel, LEAST_RADIUS, Light,
+    Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
 };
 use super::{Environment, Mirror, environment::BuiltinEnvironment};
 use super::{
@@ -1074,6 +1074,7 @@ fn build(
         materials,
         environment,
         detail,
+        path: None,
         notes,
     };
     match kind {
@@ -1086,9 +1087,13 @@ fn build(
     if fields.kernel.low_pass_by == LowPass::Scaling {
         scene.scale_kernels();
     }
-    let scene = scene.cut();
+    let mut scene = scene.cut();
     let is_sequence =
         which.cameras.is_some() || fields.cameras.is_some() || fields.camera_path.is_some();
+    scene.path = is_sequence.then(|| FramePath {
+        cameras: Arc::new(cameras.clone()),
+        frame: which.frame,
+    });
     // With a tree, each camera has its own cut.
     let shares_splats = kind == SceneKind::Surfaces && scene.detail.is_none();
     Ok(LoadedFrame {

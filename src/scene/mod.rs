@@ -352,8 +352,19 @@ pub struct Scene {
     pub environment: Option<Arc<Environment>>,
     /// Tree that the splats are a cut of; None without a tree.
     pub detail: Option<tree::cut::Detail>,
+    /// The cameras of a sequence, if the scene is a frame of one.
+    pub path: Option<FramePath>,
     /// Notes of a reader on omissions and oddities, one sentence each, for the summary.
     pub notes: Vec<String>,
+}
+
+/// A frame of a sequence, which may depend on the frames before it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FramePath {
+    /// The camera of each frame.
+    pub cameras: Arc<Vec<Camera>>,
+    /// The frame, counted from 0.
+    pub frame: usize,
 }
 
 /// Values of the command line that override a scene's own.
@@ -549,6 +560,34 @@ impl Scene {
             return Some(text.to_owned());
         }
         formats::is_json(path).then(|| input::read_text(path).ok())?
+    }
+
+    /// Becomes another frame of its sequence.
+    fn see(&mut self, camera: Camera, frame: usize) {
+        self.camera = camera;
+        if let Some(path) = &mut self.path {
+            path.frame = frame;
+        }
+    }
+
+    /// All cameras of the sequence that the scene is a frame of. A scene that is not seen by the
+    /// camera of its frame is a single picture.
+    pub fn cameras_of_path(&self) -> &[Camera] {
+        let own = self
+            .path
+            .as_ref()
+            .filter(|path| path.cameras.get(path.frame) == Some(&self.camera));
+        own.map_or(std::slice::from_ref(&self.camera), |path| &path.cameras)
+    }
+
+    /// The cameras of the frames before this one; none for a single picture.
+    pub fn cameras_before(&self) -> &[Camera] {
+        match &self.path {
+            Some(path) if path.cameras.get(path.frame) == Some(&self.camera) => {
+                &path.cameras[..path.frame]
+            }
+            _ => &[],
+        }
     }
 
     /// Whether each splat is a Gaussian that is blended separately.

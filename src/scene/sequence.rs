@@ -100,8 +100,8 @@ impl Sequence {
     /// [`crate::error::Error::Input`] if there is no such frame, or if a file cannot be read again.
     pub fn frame(&mut self, frame: usize) -> Result<&Scene> {
         match self.cameras.get(frame) {
-            Some(camera) if self.shares_splats => self.scene.camera = *camera,
-            Some(camera) if self.scene.camera == *camera => {}
+            Some(camera) if self.shares_splats => self.scene.see(*camera, frame),
+            Some(camera) if self.scene.camera == *camera => self.scene.see(*camera, frame),
             _ => {
                 self.scene = Scene::seen(
                     &self.name_or_path,

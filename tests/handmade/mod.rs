@@ -58,6 +58,7 @@ pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
         materials: vec![Material::Unlit],
         environment: None,
         detail: None,
+        path: None,
         notes: Vec::new(),
     }
 }

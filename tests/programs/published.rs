@@ -1,4 +1,4 @@
-//! Compares the machines `gscore`, `flicker` and `nycu` with what their authors published.
+//! Compares the machines `gscore`, `neo`, `flicker` and `nycu` with what their authors published.
 //!
 //! ```sh
 //! cargo run --release --example published -- [FOLDER] [GAUSSIANS]
@@ -11,7 +11,7 @@
 //! The work is recorded on `gaussian`, which is drawn faster than machines with floating-point
 //! words. Cycles depend on the boxes and pixels of splats, not on the values of other words. The
 //! contribution test of `flicker` changes these, so its work is recorded on `gaussian` with this
-//! test.
+//! test. That of `neo` is a frame of a path, recorded on `gaussian` with lists that are kept.
 
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{Cycles, Detail, Lists, replay};
@@ -23,7 +23,7 @@ use splatsim::hardware::quantise::quantise;
 use splatsim::hardware::{fixed, machines};
 use splatsim::output::picture::Picture;
 use splatsim::performance::cost::{Cost, DEFAULT};
-use splatsim::scene::{Overrides, Scene};
+use splatsim::scene::{Overrides, Scene, Sequence};
 use std::path::{Path, PathBuf};
 
 /// Sizes of the pictures.
@@ -60,6 +60,24 @@ fn work(scene: &Path, size: (usize, usize), settings: &[&str]) -> Result<(Work, 
     let quantised = quantise(&scene, &machine.machine)?;
     let (drawing, _, work) = fixed::draw_measured(&machine, &quantised);
     Ok((work, fixed::picture(&machine, &drawing)))
+}
+
+/// The frame after some others on a path: the camera turns by this many pixels per frame.
+const FRAME: usize = 6;
+const PAN_PX: u32 = 8;
+
+/// The recorded work of that frame, with lists that are kept as `neo` keeps them.
+fn kept_work(scene: &Path, size: (usize, usize)) -> Result<Work> {
+    let overrides = Overrides { size: Some(size) };
+    let mut sequence = Sequence::load(scene, &overrides, None)?;
+    let settings = [
+        "sort.kind=incremental",
+        "sort.incremental.tile_px=64",
+        "timing.tile.side_px=64",
+    ];
+    let machine = built("gaussian", &settings)?;
+    let quantised = quantise(sequence.frame(FRAME)?, &machine.machine)?;
+    Ok(fixed::draw_measured(&machine, &quantised).2)
 }
 
 fn cycles(name: &str, settings: &[&str], work: &Work) -> Result<Cycles> {
@@ -211,6 +229,46 @@ fn main() -> Result<()> {
         large.memory.total_bytes() as f64 / 1e6,
     );
     table.row("gscore", "area, mm²", 3.9, area("gscore", &[])?[2]);
+
+    let path = folder.join("city-path.json");
+    let turning = json!({
+        "splats": text["splats"],
+        "camera_path": {"pan_pixels": PAN_PX, "frames": FRAME + 1, "camera": text["camera"]},
+        "image": text["image"],
+    });
+    std::fs::write(&path, turning.to_string()).map_err(failed)?;
+    let kept = kept_work(&path, SIZES[2].1)?;
+    let of_neo = cycles("neo", &[], &kept)?;
+    let lists = kept.lists.iter().flat_map(|lists| &lists.tiles);
+    let [mut entries, mut new] = [0, 0];
+    for list in lists {
+        entries += list.splats.len();
+        new += list.new.iter().filter(|new| **new).count();
+    }
+    println!(
+        "neo, frame {FRAME}: {entries} entries in tiles of 64 pixels, of which {new} are new and {} have departed\n",
+        entries - kept.kept_bins().map_or(0, |bins| bins.listed())
+    );
+    table.row(
+        "neo",
+        "traffic of `gscore` over `neo`, QHD",
+        104.6 / 19.6,
+        large.memory.total_bytes() as f64 / of_neo.memory.total_bytes() as f64,
+    );
+    table.row(
+        "neo",
+        "MB per frame, QHD",
+        19_600.0 / 60.0,
+        of_neo.memory.total_bytes() as f64 / 1e6,
+    );
+    let rate = 1e9 / of_neo.total as f64;
+    table.row(
+        "neo",
+        "frames/s over those of `gscore`, QHD",
+        99.3 / 15.8,
+        rate / qhd_rate,
+    );
+    table.row("neo", "frames/s, QHD", 99.3, rate);
 
     // Blocks that fail the test have no fragments, so `flicker` has work of its own.
     let test = json!(built("flicker", &[])?.machine.contribution);

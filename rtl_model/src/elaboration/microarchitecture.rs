@@ -56,6 +56,13 @@ impl Microarchitecture {
             .map_or(0, |sorter| sorter.units)
     }
 
+    /// Whether lists are kept from frame to frame.
+    pub fn keeps_lists(&self) -> bool {
+        self.sort
+            .and_then(|sort| sort.sorter)
+            .is_some_and(|sorter| sorter.keeps_lists)
+    }
+
     /// Whether sorters work while tiles are drawn.
     pub fn overlaps_sort(&self) -> bool {
         self.sort

@@ -15,7 +15,7 @@ use super::latency::Path;
 use super::microarchitecture::{ENTRY_BYTES, SORT_COUNT_BITS};
 use super::{Elaboration, Operator, unit};
 use crate::machine::timing::Sorter;
-use crate::machine::{Machine, Sort, SortKind};
+use crate::machine::{BinTest, Incremental, Machine, Sort, SortKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -44,7 +44,15 @@ pub struct SorterShape {
     /// Bits of the mask in an entry.
     #[serde(skip)]
     pub mask_bits: u32,
+    /// Whether lists are kept from frame to frame, and merged with new entries.
+    #[serde(skip)]
+    pub keeps_lists: bool,
 }
+
+/// Bytes of a splat's box in memory, and bits of each of its four coordinates.
+pub const BOX_BYTES: u32 = 8;
+const BOX_BITS: u32 = 8 * BOX_BYTES;
+const COORDINATE_BITS: i32 = 16;
 
 /// Default of `bucket_bits`.
 const BUCKET_BITS: u32 = 6;
@@ -82,7 +90,20 @@ impl SorterShape {
         let buffered = buffers * u64::from(self.buffer_entries) * self.entry_bits() as u64;
         let bucket = 8 * u64::from(burst_bytes) + SORT_COUNT_BITS;
         let buckets = self.bucket_bits.map_or(0, |bits| bucket << bits);
-        u64::from(self.units) * (buffered + buckets)
+        // Both lists of a merge are loaded at the same time: each has a buffer that is loaded.
+        let merged = if self.keeps_lists {
+            u64::from(self.buffer_entries) * self.entry_bits() as u64
+        } else {
+            0
+        };
+        // Bursts of boxes: two that are read, and one that is gathered; and the burst of a list
+        // that each engine gathers.
+        let kept = if self.keeps_lists {
+            8 * u64::from(burst_bytes) * (3 + u64::from(self.engines))
+        } else {
+            0
+        };
+        u64::from(self.units) * (buffered + buckets + merged) + kept
     }
 
     /// Declares the parts of the sorters.
@@ -106,11 +127,40 @@ impl SorterShape {
             e.copies(6, |e| {
                 e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32))
             });
+            // Merges the stored list with the new entries: comparison of both heads, registers of
+            // the heads, and their addresses and ends.
+            if self.keeps_lists {
+                e.adders(unit::SORT, 1, compared);
+                e.choice(unit::SORT, 2, bits);
+                e.copies(2, |e| e.part(unit::SORT, Operator::Register(bits)));
+                e.adders(unit::SORT, 4, SORT_COUNT_BITS as i32);
+                e.copies(4, |e| {
+                    e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32))
+                });
+            }
             // Increments the count of a bucket.
             if self.bucket_bits.is_some() {
                 e.adders(unit::SORT, 1, SORT_COUNT_BITS as i32);
             }
         });
+        if self.keeps_lists {
+            // The box of the frame before, and the four comparisons of it with a tile; the addresses
+            // of both boxes.
+            e.part(unit::BIN, Operator::Register(BOX_BITS as i32));
+            e.adders(unit::BIN, 4, COORDINATE_BITS);
+            e.adders(unit::BIN, 2, SORT_COUNT_BITS as i32);
+            e.copies(2, |e| {
+                e.part(unit::BIN, Operator::Register(SORT_COUNT_BITS as i32))
+            });
+            // The four comparisons of a record's box with the tile, the entry that is written back,
+            // and its address.
+            e.copies(self.engines, |e| {
+                e.adders(unit::LIST, 4, COORDINATE_BITS);
+                e.part(unit::LIST, Operator::Register(compared));
+                e.adders(unit::LIST, 1, SORT_COUNT_BITS as i32);
+                e.part(unit::LIST, Operator::Register(SORT_COUNT_BITS as i32));
+            });
+        }
         // Number of the list that each sorter works on. Each engine compares it with its own.
         if self.overlap {
             let bits = SORT_COUNT_BITS as i32;
@@ -123,8 +173,40 @@ impl SorterShape {
 }
 
 impl Machine {
+    /// Refuses lists that cannot be kept from frame to frame.
+    fn check_kept_lists(&self, e: &mut Elaboration) {
+        let Some(kept) = self.keeps_lists() else {
+            let given = self.sort.and_then(|sort| sort.incremental);
+            e.require(given.is_none(), || {
+                "sort.incremental describes lists that are kept from frame to frame, and sort.kind is another: leave it out, or let sort.kind be incremental".into()
+            });
+            return;
+        };
+        let Incremental { tile_px, chunk } = kept;
+        e.require(tile_px >= 16 && tile_px.is_multiple_of(16), || {
+            format!("sort.incremental.tile_px is {tile_px}: it must be a multiple of 16")
+        });
+        let side_px = self.timing.tile.side_px;
+        e.require(tile_px == side_px, || {
+            format!("sort.incremental.tile_px is {tile_px}, and timing.tile.side_px is {side_px}: lists that are kept decide the picture, so both must be equal")
+        });
+        e.require(
+            chunk.is_power_of_two() && (4..=65_536).contains(&chunk),
+            || format!("sort.incremental.chunk is {chunk}: it must be a power of two, 4 to 65536"),
+        );
+        let buffer = self.timing.sort.unwrap_or_default().buffer_entries;
+        e.require(chunk == buffer, || {
+            format!("sort.incremental.chunk is {chunk}, and timing.sort.buffer_entries is {buffer}: chunks decide the picture, so both must be equal")
+        });
+        let bin = self.bin.unwrap_or_default();
+        e.require(bin.test == BinTest::Box && bin.subtile_px.is_none(), || {
+            "sort.kind is incremental, which lists every tile of a box: bin.test must be box, without bin.subtile_px".into()
+        });
+    }
+
     /// The sorters of a machine that sorts lists one by one. Impossible ones are refused.
     pub fn sorter_shape(&self, e: &mut Elaboration) -> Option<SorterShape> {
+        self.check_kept_lists(e);
         let t = &self.timing;
         let is_radix = |sort: &Sort| sort.kind == SortKind::Radix;
         let Some(sort) = self.sorting().filter(|sort| !is_radix(sort)) else {
@@ -134,7 +216,7 @@ impl Machine {
                     Some(_) => "sort.kind is none",
                     None => "the machine has no `sort`",
                 };
-                format!("timing.sort describes sorters of tiles' lists, but {why}: leave it out, or let sort.kind be tile or hierarchical")
+                format!("timing.sort describes sorters of tiles' lists, but {why}: leave it out, or let sort.kind be tile, hierarchical or incremental")
             });
             return None;
         };
@@ -174,8 +256,13 @@ impl Machine {
                 Some(bits.clamp(1, most))
             }
             (_, Some(bits)) => {
+                let kind = if sort.kind == SortKind::Incremental {
+                    "incremental"
+                } else {
+                    "tile"
+                };
                 e.errors.push(format!(
-                    "timing.sort.bucket_bits is {bits}, but sort.kind tile has no buckets: leave it out, or let sort.kind be hierarchical"
+                    "timing.sort.bucket_bits is {bits}, but sort.kind {kind} has no buckets: leave it out, or let sort.kind be hierarchical"
                 ));
                 None
             }
@@ -198,6 +285,7 @@ impl Machine {
             engines: t.engines.unwrap_or(1),
             key_bits,
             mask_bits: self.listed_mask_bits(),
+            keeps_lists: self.keeps_lists().is_some(),
         };
         let path = shape.merge_path();
         e.require(path.least_cycles(t.technology, t.clock_hz) == Some(1), || {

@@ -4,6 +4,10 @@
 //! The bench makes the frame (only its `quantise.rs` converts real numbers into bits); the machine
 //! only reads it.
 
+pub mod lists;
+
+pub use lists::{KeptLists, ListsBefore};
+
 /// One splat record (formats: machine `splat`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Splat {
@@ -279,4 +283,7 @@ pub struct Frame {
     pub window: Option<Window>,
     /// Surroundings to reflect, if any.
     pub surroundings: Option<Surroundings>,
+    /// On a machine that keeps lists from frame to frame, those of the frame before; none in a
+    /// first frame.
+    pub lists: ListsBefore,
 }

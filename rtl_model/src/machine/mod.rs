@@ -562,8 +562,8 @@ pub struct Sheets {
     pub composite: Option<Word>,
 }
 
-/// How the splats of a tile come into the order of their depths. Each kind except `none` gives the
-/// same order, and so the same picture.
+/// How the splats of a tile come into the order of their depths. Each kind except `incremental` and
+/// `none` gives the same order, and so the same picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SortKind {
@@ -576,6 +576,11 @@ pub enum SortKind {
     /// As `tile`, but a list that is longer than the buffer is first distributed to buckets in
     /// memory, by the upper bits of the key; then each bucket is sorted.
     Hierarchical,
+    /// Each tile's list is kept from frame to frame, and moves towards the order of the depths: an
+    /// entry by less than a chunk per frame (`sort.incremental`). The picture of a frame therefore
+    /// depends on the frames before it. A first frame is sorted completely. `digit_bits` is not
+    /// used.
+    Incremental,
     /// Not at all: the Gaussians of a pixel are summed, which needs no order. With w = Σw_i and the
     /// colours c_i, a pixel is (Σw_i·c_i + background)/(w + 1) (sort-free weighted sums,
     /// arXiv 2410.18931, with equal weights for all depths). The table of `fragment.sheets` holds
@@ -586,6 +591,28 @@ pub enum SortKind {
 impl SortKind {
     fn is_radix(&self) -> bool {
         *self == SortKind::Radix
+    }
+}
+
+/// Lists that are kept from frame to frame. Both fields decide the picture, and equal those of the
+/// timing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Incremental {
+    /// Side of a tile, pixels: a multiple of 16, and `timing.tile.side_px`; left out, 16.
+    pub tile_px: u32,
+    /// Entries of a stored list that are sorted at a time, a power of two from 4 to 65536, and
+    /// `timing.sort.buffer_entries`. In odd frames, counted from 0, the first chunk has half as
+    /// many. Left out, 256.
+    pub chunk: u32,
+}
+
+impl Default for Incremental {
+    fn default() -> Self {
+        Incremental {
+            tile_px: 16,
+            chunk: 256,
+        }
     }
 }
 
@@ -606,6 +633,10 @@ pub struct Sort {
     /// Bits of the key that one pass of the radix sort uses, 1 to 16; the other kinds do not use
     /// it.
     pub digit_bits: u32,
+    /// Lists of the kind `incremental`; left out there, tiles of 16 pixels and chunks of 256
+    /// entries.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub incremental: Option<Incremental>,
 }
 
 impl Sort {
@@ -727,6 +758,14 @@ impl Fragment {
 }
 
 impl Machine {
+    /// How lists are kept from frame to frame; none if they are not.
+    pub fn keeps_lists(&self) -> Option<Incremental> {
+        let sort = self
+            .sort
+            .filter(|sort| sort.kind == SortKind::Incremental)?;
+        Some(sort.incremental.unwrap_or_default())
+    }
+
     /// The sort, unless its kind is `none`.
     pub fn sorting(&self) -> Option<Sort> {
         self.sort.filter(|sort| sort.kind != SortKind::None)

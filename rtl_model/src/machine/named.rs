@@ -21,6 +21,7 @@ impl Machine {
             "mixed" => Some(mixed()),
             "weighted" => Some(weighted()),
             "gscore" => Some(published::gscore()),
+            "neo" => Some(published::neo()),
             "flicker" => Some(published::flicker()),
             "nycu" => Some(published::nycu()),
             "cubed" => Some(published::cubed()),
@@ -612,6 +613,7 @@ pub(super) fn gaussian() -> Machine {
             key: unsigned(1, 23),
             tile_bits: None,
             digit_bits: 8,
+            incremental: None,
         }),
         gauss: Gauss {
             radial_index: unsigned(4, 16),

@@ -9,14 +9,15 @@ use super::timing::{
     Raster as RasterTiming, Setup, Sorter, Technology, Tile, Timing,
 };
 use super::{
-    Bin, BinTest, Contribution, Ellipse, Fragment, Gauss, Interpolation, Leaders, Machine,
-    MaskMaker, Project, Raster, Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat, TableShape,
+    Bin, BinTest, Contribution, Ellipse, Fragment, Gauss, Incremental, Interpolation, Leaders,
+    Machine, MaskMaker, Project, Raster, Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat,
+    TableShape,
 };
 use crate::num::{Format, Overflow, Rounding, Word};
 
 impl Machine {
     /// Names of the machines that others published.
-    pub const PUBLISHED_NAMES: [&str; 4] = ["gscore", "flicker", "nycu", "cubed"];
+    pub const PUBLISHED_NAMES: [&str; 5] = ["gscore", "neo", "flicker", "nycu", "cubed"];
 }
 
 /// `fp16`, with those words in fixed point that a test of tiles needs in fixed point.
@@ -111,6 +112,49 @@ pub(super) fn gscore() -> Machine {
                 overlap: true,
             }),
             ..in_tiles(t, [4, 4])
+        },
+        ..base
+    }
+}
+
+/// Neo (ASPLOS 2026): lists that are kept from frame to frame, in chunks of 256; 16 sorters (8 of
+/// each kind), four cores with 64 pixels per cycle each, tiles of 64 pixels.
+pub(super) fn neo() -> Machine {
+    let base = sorted(fp16(), SortKind::Incremental);
+    let t = base.timing;
+    let side_px = 64;
+    let chunk = 256;
+    Machine {
+        name: "neo".into(),
+        sort: base.sort.map(|sort| Sort {
+            incremental: Some(Incremental {
+                tile_px: side_px,
+                chunk,
+            }),
+            ..sort
+        }),
+        bin: Some(Bin {
+            tiles_per_cycle: Some(2),
+            ..Bin::default()
+        }),
+        timing: Timing {
+            clock_hz: 1_000_000_000,
+            engines: Some(4),
+            project: setup(t.project, 4, 16),
+            ellipse: setup(t.ellipse, 4, 64),
+            sort: Some(Sorter {
+                units: 16,
+                buffer_entries: chunk,
+                network: 16,
+                bucket_bits: None,
+                overlap: true,
+            }),
+            tile: Tile {
+                side_px,
+                buffers: 2,
+                clear_cycles: None,
+            },
+            ..in_tiles(t, [8, 8])
         },
         ..base
     }
@@ -222,6 +266,7 @@ pub(super) fn cubed() -> Machine {
             key: unsigned(1, 15),
             tile_bits: None,
             digit_bits: 8,
+            incremental: None,
         }),
         raster: Raster {
             rows: Rows::Direct,

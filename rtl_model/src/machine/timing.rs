@@ -127,8 +127,8 @@ pub struct Timing {
     /// 16 multipliers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<Colour>,
-    /// Sorters of tiles' lists, on a machine whose `sort.kind` is `tile` or `hierarchical`; left
-    /// out there, one with the default sizes.
+    /// Sorters of tiles' lists, on a machine whose `sort.kind` is `tile`, `hierarchical` or
+    /// `incremental`; left out there, one with the default sizes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sort: Option<Sorter>,
     /// Contribution test, on a machine with the unit `contribution`; left out there, one block per

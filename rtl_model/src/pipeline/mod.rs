@@ -15,6 +15,7 @@ mod blocks;
 mod discs;
 mod elaborate;
 mod fill;
+mod lists;
 mod merges;
 pub mod ports;
 mod reach;

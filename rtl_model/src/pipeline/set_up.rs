@@ -1,9 +1,11 @@
 //! Set up: the first half of the pipeline, the graphs of project and ellipse over batches of
 //! splats.
 
+use super::lists::{Drawn, ListShape, after, merged};
 use super::shading::{EmitEight, emitted, emitting};
 use super::{Culled, Elaborated, run};
-use crate::frame::{Ellipsoids, Frame, Orientation, Splat};
+use crate::frame::lists::Sides;
+use crate::frame::{Ellipsoids, Frame, KeptLists, Orientation, Splat};
 use crate::functions::Table;
 use crate::graph::{BATCH, Batch, Program, ROWS, Run};
 use crate::kernels::host::{Host, Kernel, Vectorised};
@@ -15,7 +17,8 @@ use crate::units::colour::{Colour, coefficients};
 use crate::units::ellipse::Ellipse;
 use crate::units::fragment::window::WindowRegisters;
 use crate::units::{ellipse, project, raster, shade};
-use crate::work::{Bins, CULLED, TestedWords};
+use crate::work::lists::{clipped, touches};
+use crate::work::{Bins, CULLED, MergedLists, TestedWords};
 use rayon::prelude::*;
 
 /// A splat that has been set up: what setup adds to the splat's own words, and waits in memory
@@ -54,11 +57,63 @@ pub struct Setup {
     colours: Vec<Vec<[i32; 3]>>,
     /// In which order they are drawn; empty: as they lie there.
     order: Vec<u32>,
+    /// The lists of tiles and the boxes behind them, on a machine that keeps lists; else none.
+    /// Each list has an order of its own.
+    lists: Option<Lists>,
     /// Not drawn.
     pub culled: Culled,
 }
 
+/// Lists of a frame on a machine that keeps them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Lists {
+    merged: MergedLists,
+    /// The drawn splats of the frame.
+    drawn: Vec<Drawn>,
+    /// Of each splat of the frame what a bin calls it; [`u32::MAX`] if it was culled.
+    entries: Vec<u32>,
+}
+
 impl Setup {
+    /// Merges the lists of the frame before with the splats that are new in each tile.
+    fn merge_lists<P: Probe>(
+        &mut self,
+        key: &Fit,
+        (frame, shape): (&Frame, ListShape),
+        probe: &mut P,
+    ) {
+        let mut entries = vec![u32::MAX; frame.splats.len()];
+        let boxes = self.boxes.iter().flatten();
+        let drawn = numbered(&self.blocks)
+            .zip(boxes)
+            .map(|((entry, splat), sides)| {
+                entries[splat.splat as usize] = entry;
+                (splat.splat, *sides, key.one(i64::from(splat.raster.depth)))
+            });
+        let drawn: Vec<Drawn> = drawn.collect();
+        let first = KeptLists::default();
+        let before = frame.lists.as_deref().unwrap_or(&first);
+        let merged = merged(before, shape, [frame.width, frame.height], &drawn);
+        if P::WORK {
+            probe.merged(merged.clone());
+        }
+        self.lists = Some(Lists {
+            merged,
+            drawn,
+            entries,
+        });
+    }
+
+    /// What a machine that keeps lists has in memory after the frame, for the next one; none on
+    /// other machines.
+    pub fn kept_lists(&self, frame: &Frame) -> Option<KeptLists> {
+        let Lists { merged, drawn, .. } = self.lists.as_ref()?;
+        let first = KeptLists::default();
+        let before = frame.lists.as_deref().unwrap_or(&first);
+        let size_px = [frame.width, frame.height];
+        Some(after(before, merged, size_px, drawn, frame.splats.len()))
+    }
+
     /// Brings the splats into the order of their keys, the least or the greatest first; those with
     /// equal keys in the order of their numbers.
     fn sort<P: Probe>(
@@ -146,6 +201,11 @@ impl Setup {
 
     /// Which splats' boxes touch which tile, in the order in which they are drawn.
     pub(super) fn bins(&self, size_px: [u32; 2]) -> Bins {
+        if let Some(lists) = &self.lists {
+            return lists.bins(size_px, |entry| {
+                self.boxes[entry as usize / BLOCK_SPLATS][entry as usize % BLOCK_SPLATS]
+            });
+        }
         if self.order.is_empty() {
             return Bins::new(
                 size_px,
@@ -161,6 +221,24 @@ impl Setup {
             TILE_PX,
             self.order.iter().map(|&number| (number, sides(number))),
         )
+    }
+}
+
+impl Lists {
+    /// The lists by tiles of the simulator, each in the order of the machine's tile around it.
+    fn bins(&self, size_px: [u32; 2], sides: impl Fn(u32) -> Sides + Copy) -> Bins {
+        let (tile_px, entries) = (self.merged.tile_px, &self.entries);
+        let columns = size_px[0].div_ceil(tile_px) as usize;
+        let listed = self.merged.tiles.iter().enumerate();
+        let listed = listed.flat_map(move |(tile, list)| {
+            let drawn = list.splats.iter().filter_map(move |splat| {
+                let entry = entries[*splat as usize];
+                (entry != u32::MAX).then_some(entry)
+            });
+            let here = drawn.filter(move |entry| touches(sides(*entry), tile, tile_px, columns));
+            here.map(move |entry| (entry, clipped(sides(entry), tile, tile_px, columns)))
+        });
+        Bins::new(size_px, TILE_PX, listed)
     }
 }
 
@@ -224,9 +302,19 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
             .is_some_and(|ellipsoids| ellipsoids.sorted),
     ) {
         let has_buckets = machine.records_choices
-            || (machine.machine.sort).is_some_and(|sort| sort.kind == SortKind::Hierarchical);
+            || (machine.machine.sort).is_some_and(|sort| {
+                [SortKind::Hierarchical, SortKind::Incremental].contains(&sort.kind)
+            });
         let farthest_first = (frame.sheets.as_ref()).is_some_and(|sheets| sheets.back_to_front);
         whole.sort(sort, (farthest_first, has_buckets), probe);
+        if let Some(kept) = machine.machine.keeps_lists() {
+            let shape = ListShape {
+                tile_px: kept.tile_px,
+                chunk: kept.chunk,
+                farthest_first,
+            };
+            whole.merge_lists(sort, (frame, shape), probe);
+        }
     }
     whole
 }
@@ -762,6 +850,7 @@ impl Block {
             emissions: is_lit.then_some(self.emissions).into_iter().collect(),
             colours: is_coloured.then_some(self.colours).into_iter().collect(),
             order: Vec::new(),
+            lists: None,
             culled: self.culled,
         }
     }

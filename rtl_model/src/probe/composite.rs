@@ -4,7 +4,7 @@
 use super::{Meters, Probe, Ranges};
 use crate::num::{Fit, LANES, LimitedWords, Words};
 use crate::records::{Decision, Signal};
-use crate::work::{CULLED, Recorder, TestedWords, Work};
+use crate::work::{CULLED, MergedLists, Recorder, TestedWords, Work};
 use std::ops::Range;
 
 /// Measures the range of every signal and records the work.
@@ -122,6 +122,10 @@ impl Probe for Composite {
 
     fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         Probe::sorted(&mut self.recorder, order, keys);
+    }
+
+    fn merged(&mut self, lists: MergedLists) {
+        Probe::merged(&mut self.recorder, lists);
     }
 
     fn tested(&mut self, words: Vec<TestedWords>, cutoff: i64) {

@@ -24,7 +24,7 @@ use crate::num::{Exacts, Fit, LANES, Lanes, LimitedWords, Register, Words, three
 use crate::records::{
     Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed,
 };
-use crate::work::{CULLED, TestedWords};
+use crate::work::{CULLED, MergedLists, TestedWords};
 
 /// A probe of the machine.
 pub trait Probe: Send + Sync + Sized {
@@ -114,6 +114,9 @@ pub trait Probe: Send + Sync + Sized {
     /// All splats with a box have been observed. They are drawn in this order, given as indices
     /// among them.
     fn sorted(&mut self, _order: Vec<u32>, _keys: Vec<u32>) {}
+    /// After [`Probe::sorted`], on a machine that keeps lists from frame to frame: the lists of the
+    /// frame. Each is drawn in its own order.
+    fn merged(&mut self, _lists: MergedLists) {}
     /// All splats with a box have been observed. Tiles are tested with these words of them, in
     /// input order, and this cutoff.
     fn tested(&mut self, _words: Vec<TestedWords>, _cutoff: i64) {}

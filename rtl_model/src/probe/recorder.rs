@@ -2,7 +2,7 @@
 
 use super::Probe;
 use crate::records::Decision;
-use crate::work::{CULLED, Event, Recorder, TestedWords};
+use crate::work::{CULLED, Event, MergedLists, Recorder, TestedWords};
 
 impl Probe for Recorder {
     const WORDS: bool = false;
@@ -24,6 +24,10 @@ impl Probe for Recorder {
 
     fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         Recorder::sorted(self, order, keys);
+    }
+
+    fn merged(&mut self, lists: MergedLists) {
+        Recorder::merged(self, lists);
     }
 
     fn tested(&mut self, words: Vec<TestedWords>, cutoff: i64) {

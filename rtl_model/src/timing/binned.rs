@@ -24,7 +24,7 @@ pub use lists::{Lists, MaskCounts, TileTests};
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::frame::RecordedFrame;
-use super::memory::{Direction, LISTS, Memory, Outstanding, RECORDS, Requester, WORDS};
+use super::memory::{BOXES, Direction, LISTS, Memory, Outstanding, RECORDS, Requester, WORDS};
 use super::sorters::{self, Sorters};
 use super::stages::{Fill, FinalPixels, Merge, Resolve, SetUp, Stamp};
 use super::stamps::{Stamps, are_whole};
@@ -34,9 +34,10 @@ use super::texels::Texels;
 use super::tiles::{Shares, TileCycles, Tiles, names};
 use crate::elaboration::masks::Masks;
 use crate::elaboration::microarchitecture::{LENGTH_VALUES, Microarchitecture, Pace};
+use crate::elaboration::sorter::BOX_BYTES;
 use crate::elaboration::unit;
 use crate::machine::timing::Queue;
-use crate::work::{Footprint, Work};
+use crate::work::{DEPARTED, Footprint, Work};
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
@@ -74,7 +75,7 @@ impl<'a> Listed<'a> {
         let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
         let (setup, bin, listed) = first_pass(t, work, lists, &mut memory, detail);
         // Sorters that overlap with drawing belong to the second pass.
-        let (sort, sorted) = match work.order.is_empty() || t.overlaps_sort() {
+        let (sort, sorted) = match !work.is_sorted() || t.overlaps_sort() {
             true => (Vec::new(), listed),
             false => sorters::sort_lists(t, work, lists, listed, &mut memory, detail)
                 .unwrap_or_else(|| {
@@ -106,7 +107,7 @@ impl<'a> Listed<'a> {
         detail: Detail,
     ) -> Cycles {
         let mut pass = SecondPass::new(t, frame.work, lists, self.from);
-        if t.overlaps_sort() && !frame.work.order.is_empty() {
+        if t.overlaps_sort() && frame.work.is_sorted() {
             let tiles = pass.queue.iter().map(|(_, tile)| *tile);
             pass.sorters = Sorters::new(t, frame.work, lists, tiles, self.listed, detail);
         }
@@ -309,6 +310,35 @@ struct TileState {
     burst_here: u64,
     buffer_free: u64,
     stops: stops::TileStops,
+    back: WriteBack,
+}
+
+/// A kept list that is written for the next frame, entry by entry, in order.
+#[derive(Clone, Copy, Debug, Default)]
+struct WriteBack {
+    /// Bytes so far, and the cycle of the last entry.
+    bytes: u64,
+    when: u64,
+}
+
+impl WriteBack {
+    /// Writes an entry whose record, and so its key, has arrived.
+    fn push(&mut self, here: u64, entry_bytes: u64, burst: u64, list: u64, memory: &mut Memory) {
+        self.when = self.when.max(here);
+        let full = self.bytes / burst;
+        self.bytes += entry_bytes;
+        if self.bytes / burst > full {
+            memory.post_write(self.when, Requester::Lists, list + full * burst, burst);
+        }
+    }
+
+    /// Writes the rest of the last burst, when the record of the last entry has arrived.
+    fn end(self, here: u64, burst: u64, list: u64, memory: &mut Memory) {
+        if !self.bytes.is_multiple_of(burst) {
+            let address = list + self.bytes / burst * burst;
+            memory.post_write(self.when.max(here), Requester::Lists, address, burst);
+        }
+    }
 }
 
 impl<'a> Engine<'a> {
@@ -552,6 +582,7 @@ impl<'a> SecondPass<'a> {
             burst_here: 0,
             buffer_free,
             stops,
+            back: WriteBack::default(),
         }
     }
 
@@ -578,6 +609,30 @@ impl<'a> SecondPass<'a> {
             masks,
             ..
         } = engine;
+        let is_last = tile.nth + 1 == entries.len();
+        let has_departed = entries[tile.nth] == DEPARTED;
+        if self.lists.are_kept() {
+            let burst = u64::from(self.t.timing.memory.burst_bytes);
+            let entry_bytes = self.t.sort.map_or(0, |sort| sort.entry_bytes.into());
+            let list = sorters::kept(self.t, tile.place);
+            let [here, record] = [from.0, from.1];
+            if !has_departed {
+                tile.back
+                    .push(here.max(record), entry_bytes, burst, list, memory);
+            }
+            if is_last {
+                tile.back.end(here.max(record), burst, list, memory);
+            }
+        }
+        if has_departed {
+            if let Some(masks) = masks {
+                from = (masks.test(from.0.max(from.1), (0, 0), list.is_lifted()), 0);
+            }
+            let taken = fill.drop_entry(from, stops.as_deref());
+            list.behind.give(taken);
+            tile.nth += 1;
+            return !is_last;
+        }
         let footprint = &footprints[tile.nth];
         if let Some(masks) = masks {
             let subtiles = self.lists.subtiles(&masks.shape, footprint, tile.place);
@@ -657,7 +712,9 @@ impl<'a> SecondPass<'a> {
             room: list.behind.free(),
             ..Ready::default()
         };
+        // Every entry of a kept list is read, because its key is needed in the next frame.
         if let Some(stops) = stops
+            && !self.lists.are_kept()
             && stops.all() <= list.when(ready)
         {
             // The rest of the tile.
@@ -686,7 +743,12 @@ impl<'a> SecondPass<'a> {
             outstanding.push(tile.burst_here);
             tile.bursts = needed;
         }
-        let address = RECORDS + u64::from(entry) * u64::from(t.prepared_bytes);
+        // Entries of kept lists are numbers of splats in the scene.
+        let record = match (&self.work.lists, self.lists.are_kept()) {
+            (Some(lists), true) => lists.tiles[tile.place].splats[tile.nth],
+            _ => entry,
+        };
+        let address = RECORDS + u64::from(record) * u64::from(t.prepared_bytes);
         let here = memory.request(
             now.max(tile.burst_here),
             Requester::Lists,
@@ -800,6 +862,74 @@ impl Groups {
     }
 }
 
+/// Boxes of all splats in memory, in the order of the scene: those of the frame before are read, and
+/// those of this frame written for the next one. Two bursts are read ahead.
+struct Boxes {
+    burst: u64,
+    /// Bursts of all boxes.
+    all: u64,
+    /// For each burst that was requested, the arrival of it and of those before it.
+    here: Vec<u64>,
+    /// Bursts that are written.
+    gone: u64,
+}
+
+impl Boxes {
+    fn new(t: &Microarchitecture, work: &Work) -> Self {
+        let burst = u64::from(t.timing.memory.burst_bytes);
+        let bytes = work.cull_reasons.len() as u64 * u64::from(BOX_BYTES);
+        Boxes {
+            burst,
+            all: bytes.div_ceil(burst),
+            here: Vec::new(),
+            gone: 0,
+        }
+    }
+
+    /// Requests bursts up to a number of them.
+    fn request(&mut self, until: u64, now: u64, memory: &mut Memory) {
+        for nth in self.here.len() as u64..until.min(self.all) {
+            let address = BOXES[0] + nth * self.burst;
+            let read = Direction::Read;
+            let here = memory.request(now, Requester::Binning, read, address, self.burst);
+            let before = self.here.last().copied().unwrap_or_default();
+            self.here.push(here.max(before));
+        }
+    }
+
+    /// `bin` can take a splat in this cycle; returns the cycle from which the box of the splat has
+    /// arrived.
+    fn read(&mut self, splat: u32, now: u64, memory: &mut Memory) -> u64 {
+        let of = u64::from(splat) * u64::from(BOX_BYTES) / self.burst;
+        self.request(of + 2, now, memory);
+        self.here[of as usize]
+    }
+
+    /// Addresses of the bursts that are full with the box of a splat.
+    fn written(&mut self, splat: u32) -> impl Iterator<Item = u64> + use<> {
+        let (from, burst) = (self.gone, self.burst);
+        self.gone = (u64::from(splat) + 1) * u64::from(BOX_BYTES) / burst;
+        (from..self.gone).map(move |full| BOXES[1] + full * burst)
+    }
+
+    /// Reads and writes the rest in a cycle; returns the cycle in which this is done.
+    fn end(&mut self, now: u64, memory: &mut Memory) -> u64 {
+        self.request(self.all, now, memory);
+        let mut done = now.max(self.here.last().copied().unwrap_or_default());
+        for full in self.gone..self.all {
+            let address = BOXES[1] + full * self.burst;
+            done = done.max(memory.request(
+                now,
+                Requester::Binning,
+                Direction::Write,
+                address,
+                self.burst,
+            ));
+        }
+        done
+    }
+}
+
 /// Sets up all splats and writes the lists; returns the cycle in which they are written.
 fn first_pass<'a>(
     t: &'a Microarchitecture,
@@ -830,7 +960,7 @@ fn first_pass<'a>(
     // Sorters load entries with keys, from separate lists.
     let keyed_bytes = t
         .sort
-        .filter(|sort| sort.sorter.is_some() && !work.order.is_empty())
+        .filter(|sort| sort.sorter.is_some() && work.is_sorted())
         .map(|sort| u64::from(sort.entry_bytes));
     let entry_bytes = keyed_bytes.unwrap_or(t.entry_bytes().into());
     let list = |tile: usize| {
@@ -845,7 +975,9 @@ fn first_pass<'a>(
     let mut cull_reasons = work.cull_reasons.iter().zip(0..).peekable();
     // Splats that have left setup: the cycles in which bin can take them.
     let mut ahead = VecDeque::new();
-    let (mut record_bursts, mut end) = (0, 0);
+    // Whether the next burst of records has begun.
+    let (mut record_bursts, mut begun, mut end) = (0, false, 0);
+    let mut boxes = lists.are_kept().then(|| Boxes::new(t, work));
     for (nth, footprint) in work.footprints.iter().enumerate() {
         // Fetches before the cycle in which bin takes the next splat send their requests first, if
         // there is room.
@@ -869,12 +1001,16 @@ fn first_pass<'a>(
             groups.next(lists.test_cycles(footprint, tile));
         });
         let tiles = groups.cycles();
+        let boxed = boxes.as_mut().map_or(0, |boxes| {
+            let from = bin.free().max(here).max(outstanding.free());
+            boxes.read(footprint.splat, from, memory)
+        });
         // A record, then one group of tiles per cycle: their tests, their entries. Writes are
         // queued.
         let now = bin.take(
             Ready {
                 here,
-                memory: outstanding.free(),
+                memory: outstanding.free().max(boxed),
                 ..Ready::default()
             },
             1 + tiles,
@@ -885,10 +1021,30 @@ fn first_pass<'a>(
             outstanding.push(done);
             end = end.max(done);
         };
-        // Records are consecutive: a burst is written when it is full.
-        let full = (nth as u64 + 1) * u64::from(t.prepared_bytes) / burst;
+        // Records are consecutive: a burst is written when it is full. Those of kept lists have
+        // the places of their splats in the scene, and gaps: the burst of the last record is
+        // written before another one is begun.
+        let place = match boxes {
+            Some(_) => u64::from(footprint.splat),
+            None => nth as u64,
+        };
+        let bytes = u64::from(t.prepared_bytes);
+        let first = place * bytes / burst;
+        if boxes.is_some() && begun && record_bursts < first {
+            write(now + tested, RECORDS + record_bursts * burst);
+        }
+        if boxes.is_some() {
+            record_bursts = record_bursts.max(first);
+        }
+        let full = (place + 1) * bytes / burst;
         (record_bursts..full).for_each(|full| write(now + tested, RECORDS + full * burst));
         record_bursts = full;
+        begun = !((place + 1) * bytes).is_multiple_of(burst);
+        if let Some(boxes) = &mut boxes {
+            boxes
+                .written(footprint.splat)
+                .for_each(|address| write(now, address));
+        }
         let mut groups = Groups::new(t);
         lists.each(nth, footprint, side, |tile, is_listed| {
             let when = now + tested + each * groups.next(lists.test_cycles(footprint, tile));
@@ -912,7 +1068,10 @@ fn first_pass<'a>(
     setup.end(memory);
     // The rest of the last records and of every list.
     let last = end;
-    if !(work.footprints.len() as u64 * u64::from(t.prepared_bytes)).is_multiple_of(burst) {
+    if let Some(boxes) = &mut boxes {
+        end = end.max(boxes.end(last, memory));
+    }
+    if begun {
         end = end.max(memory.request(
             last,
             Requester::Binning,

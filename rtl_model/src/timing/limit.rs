@@ -252,8 +252,9 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
     }
     // If pixels stop, a faster unit can skip more work than its own. With parallel units, the
     // longest path can go through one of them while the others are busy, or while merges are in
-    // flight.
-    if work.stops() || !timing.is_single() || timing.sorters() > 1 || timing.overlaps_sort() {
+    // flight. Lists that are kept are written by the second pass.
+    let is_simple = timing.is_single() && timing.sorters() < 2 && !timing.overlaps_sort();
+    if work.stops() || !is_simple || timing.keeps_lists() {
         all.iter_mut()
             .filter(|(at_most, ..)| *at_most > 0)
             .for_each(|(at_most, _, name, by)| *at_most = of_pass(timing, cycles, name, *by));

@@ -85,6 +85,9 @@ pub const NODES: u64 = 5 * REGION;
 /// Address of the map of surroundings.
 pub const MAP: u64 = 6 * REGION;
 
+/// Addresses of the boxes of all splats: of the frame before, and of this one.
+pub const BOXES: [u64; 2] = [7 * REGION, 7 * REGION + REGION / 2];
+
 /// Bins of the histogram of latencies.
 pub const LATENCY_BINS: usize = 24;
 

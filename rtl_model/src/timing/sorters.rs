@@ -16,6 +16,11 @@
 //! - *Distribute*: half a buffer of entries, one cycle per entry, to buckets in memory. Each bucket
 //!   gathers a burst; the remaining ones are stored with the last entries.
 //!
+//! A list that is kept from frame to frame consists of stored entries and of new ones. New entries
+//! are sorted as above, and stay in a buffer of their own if they have room in it. A job of a chunk
+//! of stored entries is a *sort* whose last pass takes one cycle per entry, and one per new entry
+//! that is merged into it.
+//!
 //! A job is loaded when the sorter has room: after the network has taken the previous job, or at
 //! once if half a buffer is free. It begins when it is loaded and the previous job has ended. Its
 //! last pass goes to the buffer that is stored, so it stalls for the previous store. A pass over
@@ -31,12 +36,12 @@
 //! Laws: `sorters_tick_as_they_are_replayed`, `a_list_that_fits_the_buffer_takes_its_formula`.
 
 use super::account::{Detail, Ready, Unit};
-use super::binned::list_address;
+use super::binned::{Lists, list_address};
 use super::memory::{Direction, Memory, Requester};
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use crate::elaboration::sorter::SorterShape;
 use crate::elaboration::unit;
-use crate::work::{Bins, Work};
+use crate::work::{MergedLists, Work};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -46,6 +51,9 @@ const KEYED_BYTES: u64 = 1 << 28;
 pub const KEYED: u64 = 1 << 60;
 /// Addresses of chunks, which alternate between the two.
 const CHUNKS: [u64; 2] = [KEYED + (1 << 54), KEYED + (2 << 54)];
+/// Addresses of the lists with keys that are kept from frame to frame: of the frame before, and of
+/// this one.
+const KEPT: [u64; 2] = [KEYED + (4 << 54), KEYED + (5 << 54)];
 /// Address of the buckets.
 const BUCKETS: u64 = KEYED + (3 << 54);
 /// Distance between the buckets of two sorters.
@@ -56,11 +64,17 @@ pub fn keyed(t: &Microarchitecture, tile: usize) -> u64 {
     KEYED + tile as u64 * t.timing.memory.list_stride(KEYED_BYTES)
 }
 
+/// Address of the kept list of a tile, for the next frame.
+pub fn kept(t: &Microarchitecture, tile: usize) -> u64 {
+    KEPT[1] + tile as u64 * t.timing.memory.list_stride(KEYED_BYTES)
+}
+
 /// Work of a sorter between a load and a store.
 #[derive(Clone, Debug)]
 struct SortJob {
-    /// First byte and number of bytes.
+    /// First byte and number of bytes; and those of sorted new entries, if they are in memory.
     load: [u64; 2],
+    also: [u64; 2],
     /// It loads what the previous jobs stored.
     follows: bool,
     /// Cycles from its start until the next one can be loaded.
@@ -86,6 +100,17 @@ struct ListPart {
     follows: bool,
 }
 
+/// Where sorted entries are stored.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum SortedTo {
+    /// In the list of the tile, without their keys.
+    List,
+    /// In memory, with their keys.
+    Chunks,
+    /// Nowhere: they stay on the chip.
+    Buffer,
+}
+
 /// Makes jobs from lists.
 struct Plan<'a> {
     t: &'a Microarchitecture,
@@ -97,12 +122,15 @@ struct Plan<'a> {
     /// Bytes of an entry without its key.
     sorted_bytes: u64,
     work: &'a Work,
-    lists: &'a Bins,
+    lists: &'a Lists,
 }
 
 impl Plan<'_> {
     /// Jobs of the list of a tile, on one of the sorters.
     fn jobs(&self, tile: usize, sorter: u64) -> VecDeque<SortJob> {
+        if let Some(lists) = self.work.lists.as_ref().filter(|_| self.lists.are_kept()) {
+            return self.kept_jobs(tile, lists);
+        }
         let list = self.lists.of(tile);
         let entries = list.len() as u64;
         let mut jobs = VecDeque::new();
@@ -142,6 +170,95 @@ impl Plan<'_> {
             last.ends = Some(tile);
         }
         jobs
+    }
+
+    /// Jobs of a kept list. New entries are sorted first. They stay in a buffer of their own if they
+    /// have room in it; if not, they are in memory, and each chunk loads its share of them. The
+    /// last pass of each chunk of stored entries is merged with the new entries that come before its
+    /// end.
+    fn kept_jobs(&self, tile: usize, lists: &MergedLists) -> VecDeque<SortJob> {
+        let mut jobs = VecDeque::new();
+        let list = &lists.tiles[tile];
+        let stored = list.stored();
+        let new = (list.new.len() - stored) as u64;
+        let whole = ListPart {
+            from: keyed(self.t, tile),
+            entries: new,
+            before: 0,
+            follows: false,
+        };
+        let is_alone = stored == 0;
+        let in_memory = new > u64::from(self.sorter.buffer_entries);
+        if new > 0 {
+            let to = if is_alone {
+                SortedTo::List
+            } else if in_memory {
+                SortedTo::Chunks
+            } else {
+                SortedTo::Buffer
+            };
+            self.sort_to(to, tile, whole, true, &mut jobs);
+        }
+        let sorted_new = self.chunks(self.passes(new), tile);
+        let (mut first, mut before, mut merged) = (0, 0, 0);
+        let mut entries = list.new.iter();
+        for chunk in lists.chunks(stored) {
+            // New entries in front of the last stored entry of the chunk.
+            let (mut left, mut own) = (chunk, 0);
+            while left > 0 {
+                match entries.next() {
+                    Some(false) => left -= 1,
+                    Some(true) => own += 1,
+                    None => break,
+                }
+            }
+            let is_end = first + chunk == stored;
+            if is_end {
+                own += entries.by_ref().filter(|new| **new).count() as u64;
+            }
+            let n = chunk as u64;
+            let fed = n.div_ceil(self.sorter.network.into());
+            let merges = u64::from(fed.next_power_of_two().ilog2());
+            let last_pass = n + own;
+            let base = KEPT[0] + tile as u64 * self.stride;
+            jobs.push_back(SortJob {
+                load: self.bytes(base, first as u64, n),
+                also: if in_memory {
+                    self.bytes(sorted_new, merged, own)
+                } else {
+                    [0; 2]
+                },
+                follows: in_memory && first == 0,
+                taken: fed,
+                work: fed
+                    + u64::from(self.sorter.network_latency)
+                    + merges.saturating_sub(1) * n
+                    + last_pass,
+                last_pass,
+                stores: self
+                    .full(
+                        list_address(self.t, tile),
+                        before,
+                        last_pass,
+                        self.sorted_bytes,
+                        is_end,
+                    )
+                    .into_iter()
+                    .collect(),
+                ends: None,
+            });
+            (first, before, merged) = (first + chunk, before + last_pass, merged + own);
+        }
+        if let Some(last) = jobs.back_mut() {
+            last.ends = Some(tile);
+        }
+        jobs
+    }
+
+    /// Passes that merge the sorted chunks of this number of entries.
+    fn passes(&self, entries: u64) -> usize {
+        let chunks = entries.div_ceil(self.sorter.buffer_entries.into());
+        chunks.next_power_of_two().ilog2() as usize
     }
 
     /// Address of a bucket.
@@ -217,6 +334,18 @@ impl Plan<'_> {
 
     /// Sorts a part of a list. If it is the last part, the rest of the last burst is stored too.
     fn sort(&self, tile: usize, part: ListPart, is_last: bool, jobs: &mut VecDeque<SortJob>) {
+        self.sort_to(SortedTo::List, tile, part, is_last, jobs);
+    }
+
+    /// [`Plan::sort`], to where the sorted entries are needed.
+    fn sort_to(
+        &self,
+        to: SortedTo,
+        tile: usize,
+        part: ListPart,
+        is_last: bool,
+        jobs: &mut VecDeque<SortJob>,
+    ) {
         let sorted = list_address(self.t, tile);
         let SorterShape {
             buffer_entries,
@@ -231,7 +360,7 @@ impl Plan<'_> {
             follows,
         } = part;
         let buffer = u64::from(buffer_entries);
-        let passes = entries.div_ceil(buffer).next_power_of_two().ilog2();
+        let passes = self.passes(entries);
         let chunk = |first: u64| buffer.min(entries - first);
         for first in (0..entries).step_by(buffer_entries as usize) {
             let n = chunk(first);
@@ -239,6 +368,7 @@ impl Plan<'_> {
             let merges = u64::from(fed.next_power_of_two().ilog2());
             let is_end = first + n == entries;
             let stores = match passes {
+                0 if to == SortedTo::Buffer => None,
                 0 => self.full(
                     sorted,
                     before + first,
@@ -250,6 +380,7 @@ impl Plan<'_> {
             };
             jobs.push_back(SortJob {
                 load: self.bytes(from, first, n),
+                also: [0; 2],
                 follows: follows && first == 0,
                 taken: fed,
                 work: fed + u64::from(network_latency) + merges * n,
@@ -258,8 +389,8 @@ impl Plan<'_> {
                 ends: None,
             });
         }
-        for pass in 0..passes as usize {
-            let is_last_pass = pass + 1 == passes as usize;
+        for pass in 0..passes {
+            let is_last_pass = pass + 1 == passes && to == SortedTo::List;
             for first in (0..entries).step_by(self.half() as usize) {
                 let n = self.half().min(entries - first);
                 let is_end = first + n == entries;
@@ -341,6 +472,7 @@ impl SortJob {
     ) -> Self {
         SortJob {
             load,
+            also: [0; 2],
             follows,
             taken: if is_end { entries } else { 0 },
             work: entries,
@@ -420,8 +552,13 @@ impl Sorter {
         if self.unit.is_lifted() {
             (job.taken, job.work, job.last_pass) = (0, 0, 0);
         }
-        let [address, bytes] = job.load;
-        let here = memory.request(now, Requester::Sort, Direction::Read, address, bytes);
+        let mut here = now;
+        for [address, bytes] in [job.load, job.also] {
+            if bytes > 0 {
+                let read = memory.request(now, Requester::Sort, Direction::Read, address, bytes);
+                here = here.max(read);
+            }
+        }
         let before = self.stores.as_ref().map_or(self.ended, |(_, when)| *when);
         let begins = here.max(before);
         self.free = begins + job.taken;
@@ -489,7 +626,7 @@ impl<'a> Sorters<'a> {
     pub fn new(
         t: &'a Microarchitecture,
         work: &'a Work,
-        lists: &'a Bins,
+        lists: &'a Lists,
         tiles: impl Iterator<Item = usize>,
         from: u64,
         detail: Detail,
@@ -559,7 +696,7 @@ impl<'a> Sorters<'a> {
 pub fn sort_lists(
     t: &Microarchitecture,
     work: &Work,
-    lists: &Bins,
+    lists: &Lists,
     from: u64,
     memory: &mut Memory,
     detail: Detail,

@@ -443,6 +443,19 @@ impl<'a> Fill<'a> {
         }
     }
 
+    /// Drops an entry of a kept list whose splat has departed, in one cycle; before its record
+    /// arrives if the whole tile has stopped. Returns the cycle.
+    pub fn drop_entry(&mut self, (here, memory): (u64, u64), stops: Option<&StopMap>) -> u64 {
+        let stopped = stops.map_or(u64::MAX, StopMap::all);
+        let from = self.raster.free().max(here).max(stopped);
+        let ready = Ready {
+            here,
+            memory: memory.min(from),
+            ..Ready::default()
+        };
+        self.raster.take_run(ready, 1)
+    }
+
     /// Cycles in which a row of stamps is set up.
     #[inline(always)]
     fn row_cycles(&self) -> u64 {

@@ -13,7 +13,12 @@
 //!
 //! Laws: `the_record_equals_the_drawing`, `a_record_is_the_same_for_any_number_of_threads`.
 
+pub mod lists;
 mod sound;
+
+pub use lists::{MergedList, MergedLists};
+
+use lists::{clipped, touches};
 
 use serde::{Deserialize, Serialize};
 
@@ -155,6 +160,16 @@ pub struct Tile {
     masks: Vec<u16>,
 }
 
+/// Instead of an index among the drawn splats: the splat has departed from the list.
+pub const DEPARTED: u32 = u32::MAX;
+
+/// Has no pixel in the list's tile.
+const DEPARTED_FOOTPRINT: Footprint = Footprint {
+    splat: u32::MAX,
+    columns: [0; 2],
+    rows: [0; 2],
+};
+
 /// Instead of a texel: no look-up.
 pub const NO_TEXEL: u16 = u16::MAX;
 
@@ -262,6 +277,10 @@ pub struct Work {
     /// it; else empty.
     #[serde(skip)]
     pub keys: Vec<u32>,
+    /// On a machine that keeps lists from frame to frame: the lists of the frame, each with an
+    /// order of its own; `order` is then that of the depths.
+    #[serde(skip)]
+    pub lists: Option<MergedLists>,
     /// Words of each drawn splat, in input order, on a machine that tests tiles; else empty.
     #[serde(skip)]
     pub tested: Vec<TestedWords>,
@@ -323,6 +342,9 @@ impl Work {
 
     /// The drawn splats by tiles with this side: their indices in [`Work::footprints`].
     pub fn bins(&self, side_px: usize) -> Bins {
+        if let Some(lists) = &self.lists {
+            return self.bins_of(lists, side_px);
+        }
         let input = 0..if self.order.is_empty() {
             self.footprints.len() as u32
         } else {
@@ -336,11 +358,73 @@ impl Work {
         )
     }
 
+    /// [`Work::bins`] of kept lists: each tile in the order of the list of the machine's tile around
+    /// it. Splats that have departed from the list are left out.
+    fn bins_of(&self, lists: &MergedLists, side_px: usize) -> Bins {
+        let size_px = [self.width, self.height];
+        let (tile_px, columns) = (lists.tile_px, self.width.div_ceil(lists.tile_px) as usize);
+        let entries = lists
+            .tiles
+            .iter()
+            .enumerate()
+            .flat_map(move |(tile, list)| {
+                let drawn = list.splats.iter().filter_map(|splat| self.drawn(*splat));
+                drawn.filter_map(move |nth| {
+                    let sides = self.footprints[nth as usize].sides();
+                    touches(sides, tile, tile_px, columns)
+                        .then(|| (nth, clipped(sides, tile, tile_px, columns)))
+                })
+            });
+        Bins::new(size_px, side_px, entries)
+    }
+
+    /// Kept lists with all entries: indices among the drawn splats, and [`DEPARTED`] for those that
+    /// have departed from the list.
+    pub fn kept_bins(&self) -> Option<Bins> {
+        let lists = self.lists.as_ref()?;
+        let [columns, rows] =
+            [self.width, self.height].map(|size| size.div_ceil(lists.tile_px) as usize);
+        let (mut starts, mut entries) = (vec![0], Vec::new());
+        for (tile, list) in lists.tiles.iter().enumerate().take(columns * rows) {
+            entries.extend(list.splats.iter().map(|splat| {
+                let drawn = self.drawn(*splat).filter(|nth| {
+                    let sides = self.footprints[*nth as usize].sides();
+                    touches(sides, tile, lists.tile_px, columns)
+                });
+                drawn.unwrap_or(DEPARTED)
+            }));
+            starts.push(entries.len());
+        }
+        starts.resize(columns * rows + 1, entries.len());
+        Some(Bins {
+            columns,
+            rows,
+            starts,
+            entries,
+        })
+    }
+
+    /// The index of a splat among the drawn ones; none if it was culled.
+    pub fn drawn(&self, splat: u32) -> Option<u32> {
+        let found = (self.footprints).binary_search_by_key(&splat, |footprint| footprint.splat);
+        found.ok().map(|nth| nth as u32)
+    }
+
+    /// Whether the machine sorts the splats.
+    pub fn is_sorted(&self) -> bool {
+        !self.order.is_empty() || self.lists.is_some()
+    }
+
     /// Copies the footprints at these indices to consecutive memory, because the host would stall
     /// on each of the scattered ones.
     pub fn look_up(&self, places: &[u32], footprints: &mut Vec<Footprint>) {
         footprints.clear();
-        footprints.extend(places.iter().map(|nth| self.footprints[*nth as usize]));
+        let of = |nth: &u32| self.footprints.get(*nth as usize).copied();
+        footprints.extend(
+            places
+                .iter()
+                .map(|nth| of(nth).unwrap_or(DEPARTED_FOOTPRINT)),
+        );
     }
 
     /// Size in bytes.
@@ -348,6 +432,10 @@ impl Work {
         self.cull_reasons.len()
             + 4 * (self.order.len() + self.keys.len())
             + size_of::<TestedWords>() * self.tested.len()
+            + self.lists.as_ref().map_or(0, |lists| {
+                let of = |list: &MergedList| 5 * list.splats.len();
+                lists.tiles.iter().map(of).sum::<usize>()
+            })
             + size_of::<Footprint>() * self.footprints.len()
             + self.tiles.iter().map(Tile::bytes).sum::<usize>()
             + size_of::<Visit>() * self.walk.len()
@@ -454,6 +542,7 @@ pub struct Recorder {
     culled: Vec<(u32, CullReason)>,
     order: Vec<u32>,
     keys: Vec<u32>,
+    lists: Option<MergedLists>,
     tested: Vec<TestedWords>,
     cutoff: i64,
     preshaded: bool,
@@ -482,6 +571,7 @@ impl Recorder {
             culled,
             order,
             keys,
+            lists,
             tested,
             cutoff,
             preshaded,
@@ -503,6 +593,7 @@ impl Recorder {
             footprints,
             order,
             keys,
+            lists,
             tested,
             cutoff,
             preshaded,
@@ -562,6 +653,11 @@ impl Recorder {
     /// input order.
     pub fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         (self.order, self.keys) = (order, keys);
+    }
+
+    /// The machine keeps lists from frame to frame, and these are the lists of this one.
+    pub fn merged(&mut self, lists: MergedLists) {
+        self.lists = Some(lists);
     }
 
     /// Tiles are tested: words of all splats with a box, in input order, and the cutoff.
@@ -724,6 +820,14 @@ impl Bins {
     /// Number of entries in all tiles.
     pub fn entries(&self) -> usize {
         self.entries.len()
+    }
+
+    /// Number of entries in all tiles that have not departed.
+    pub fn listed(&self) -> usize {
+        self.entries
+            .iter()
+            .filter(|entry| **entry != DEPARTED)
+            .count()
     }
 
     /// Removes the entries that do not hold, by tile and number.

@@ -3,6 +3,7 @@
 //! Laws (tests/recording.rs of the bench): `a_record_that_is_read_is_the_one_that_was_written`,
 //! `no_damage_is_taken_for_a_record`.
 
+use super::lists::touches;
 use super::{CullReason, Event, Footprint, Found, TILE_PX, Tile, Visit, Work};
 
 /// Greatest side of a picture, pixels.
@@ -23,6 +24,7 @@ impl Work {
             sizes.iter().all(|size| (1..=MOST_PX).contains(size)),
             "the picture's size is not 1 to 16384",
         )?;
+        self.check_lists()?;
         require(self.harmonics <= 3, "its harmonics have a degree above 3")?;
         self.check_splats()?;
         self.check_walk()?;
@@ -77,6 +79,49 @@ impl Work {
             tiles.next().is_none(),
             "it has a tile that no splat touches",
         )
+    }
+
+    /// No list has a splat twice, and new splats are drawn there. The tiles' records show whether a
+    /// splat is missing.
+    fn check_lists(&self) -> Result<(), String> {
+        let Some(lists) = &self.lists else {
+            return Ok(());
+        };
+        let is_tile = lists.tile_px >= TILE_PX as u32
+            && lists.tile_px <= MOST_PX
+            && lists.tile_px.is_multiple_of(TILE_PX as u32);
+        let is_chunk = lists.chunk.is_power_of_two() && (4..=65_536).contains(&lists.chunk);
+        require(
+            is_tile && is_chunk,
+            "its lists have impossible tiles or chunks",
+        )?;
+        let [columns, rows] =
+            [self.width, self.height].map(|size| size.div_ceil(lists.tile_px) as usize);
+        require(
+            lists.tiles.len() == columns * rows,
+            "its lists are not those of its tiles",
+        )?;
+        for (tile, list) in lists.tiles.iter().enumerate() {
+            let mut splats = list.splats.clone();
+            splats.sort_unstable();
+            let is_known = |splat: &u32| (*splat as usize) < self.cull_reasons.len();
+            require(
+                splats.windows(2).all(|pair| pair[0] < pair[1]) && splats.iter().all(is_known),
+                "a list has a splat twice, or one that is not there",
+            )?;
+            let is_here = |splat: u32| {
+                self.drawn(splat).is_some_and(|nth| {
+                    let sides = self.footprints[nth as usize].sides();
+                    touches(sides, tile, lists.tile_px, columns)
+                })
+            };
+            let mut new = list.splats.iter().zip(&list.new).filter(|(_, new)| **new);
+            require(
+                list.new.len() == list.splats.len() && new.all(|(splat, _)| is_here(*splat)),
+                "a list has a new splat whose box does not touch its tile",
+            )?;
+        }
+        Ok(())
     }
 
     fn check_walk(&self) -> Result<(), String> {

@@ -680,6 +680,74 @@ fn sorters_tick_as_they_are_replayed() {
     );
 }
 
+/// Lists that are kept from frame to frame: stored, new and departed entries, long lists and short
+/// ones; some machines test blocks.
+#[test]
+fn kept_lists_tick_as_they_are_replayed() {
+    let (mut events, mut counts) = (EventCounts::default(), [0; 3]);
+    for (size, splats, cases) in [
+        ([8, 8], 6, 300),
+        ([60, 50], 40, 300),
+        ([40, 40], 400, 60),
+        ([120, 100], 1000, 30),
+    ] {
+        for seed in seeds(cases) {
+            let mut rng = Rng(seed);
+            let timing = of(Organisation::Binned, &mut rng);
+            let scene = scene::random(&mut rng, size, splats).sorted(&mut rng);
+            let timing = match seed % 3 {
+                0 => machines::several(&mut rng, timing),
+                _ => timing,
+            };
+            let mut machine = machines::keeping_lists(&mut rng, timing);
+            // Several engines have no sorters that overlap: in a replay, an engine can take a tile
+            // before the one in front of it is sorted.
+            if seed % 3 == 0 {
+                machine.timing.sort.as_mut().unwrap().overlap = false;
+            }
+            let elaborated = machine.elaborate().unwrap().timing;
+            let scene = match elaborated.contribution {
+                Some(_) => scene.blocked(&mut rng, &elaborated),
+                None => scene,
+            };
+            let scene = if seed % 5 == 1 {
+                scene.stopping(&mut rng)
+            } else {
+                scene
+            };
+            let scene = scene.keeping(&mut rng, &elaborated);
+            let work = scene.record();
+            work.check().unwrap();
+            for entry in scene.kept.iter().flat_map(|kept| &kept.lists).flatten() {
+                let kind = if entry.has_departed {
+                    2
+                } else {
+                    usize::from(entry.is_new)
+                };
+                counts[kind] += 1;
+            }
+            match compare(&elaborated, &scene, &work) {
+                Ok(ticked) => events.count(&ticked),
+                Err(difference) => panic!(
+                    "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
+                    machine.timing
+                ),
+            }
+        }
+    }
+    assert!(
+        counts.iter().all(|count| *count > share_of(3000)),
+        "{counts:?}"
+    );
+    assert!(
+        ["sort busy", "sort memory", "sort starved"]
+            .iter()
+            .all(|what| events.0[*what] > share_of(10_000)),
+        "{:?}",
+        events.0
+    );
+}
+
 /// Tests of tiles, with lists of all kinds: many tiles are rejected, and some splats have no entry.
 #[test]
 fn tests_of_tiles_tick_as_they_are_replayed() {

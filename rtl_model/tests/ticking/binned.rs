@@ -34,7 +34,7 @@ use super::parts::{
     Act, Fill, HELD, Link, Merge, SetupUnits, Stamp, TexelShade, Ticked, TickedUnit, light, places,
     resolve, resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
 };
-use super::scene::{Scene, Splat};
+use super::scene::{KeptEntry, Scene, Splat};
 use super::sorters::{self, Sorters};
 use rtl_model::elaboration::masks::Masks;
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
@@ -90,6 +90,15 @@ fn mask_cycles(
     corner: [usize; 2],
 ) -> Option<u64> {
     let masks = masks_of(timing).filter(|masks| masks.made == made)?;
+    let side = timing.timing.tile.side_px as usize;
+    let meets = |[first, last]: [u16; 2], from: usize| {
+        usize::from(first) < from + side && usize::from(last) >= from
+    };
+    // A departed entry takes a cycle.
+    if splat.pixels.is_empty() || !meets(splat.columns, corner[0]) || !meets(splat.rows, corner[1])
+    {
+        return Some(1);
+    }
     let subtile = masks.subtile_px as usize;
     let [columns, rows] = part_in(timing, splat, corner);
     let touched: BTreeSet<[usize; 2]> = (columns[0]..=columns[1])
@@ -107,6 +116,10 @@ fn stamps_in(
     (tile, corner): (usize, [usize; 2]),
 ) -> VecDeque<Stamp> {
     let side = timing.timing.tile.side_px as usize;
+    let departed = |entry: &KeptEntry| entry.place == place && entry.has_departed;
+    if (scene.kept.as_ref()).is_some_and(|kept| kept.lists[tile].iter().any(departed)) {
+        return VecDeque::new();
+    }
     let Some(masks) = masks_of(timing) else {
         let last = corner.map(|at| at + side - 1);
         return stamps_of(timing, scene, place, [corner, last]);
@@ -152,6 +165,10 @@ fn stamps_in(
     }
     all
 }
+/// Bytes of a box, and the places of those of the frame before and of this one.
+const BOX_BYTES: u64 = 8;
+const OLD_BOXES: u64 = 7 << 40;
+const NEW_BOXES: u64 = (7 << 40) + (1 << 39);
 /// Bytes sorted at a time, and the two halves of memory between which they move.
 const PART_BYTES: u64 = 4096;
 const HALVES: [u64; 2] = [1 << 60, (1 << 60) + (1 << 40)];
@@ -169,6 +186,8 @@ struct Entry {
     /// there.
     drawn: usize,
     stamps: usize,
+    /// Its splat has departed from a kept list.
+    has_departed: bool,
 }
 
 /// A tile with entries.
@@ -213,6 +232,12 @@ struct BinnedMachine<'a> {
     bin: TickedUnit,
     writes: Requests,
     record_bytes: u64,
+    /// The burst of records that has begun, if records have the places of their splats.
+    open_record: Option<u64>,
+    /// Bursts of boxes of the frame before that were requested, and bursts of boxes of this frame
+    /// that were written.
+    boxes: Vec<Done>,
+    boxes_gone: u64,
     list_bytes: Vec<u64>,
     /// Cycle after that of the last entry.
     binned: u64,
@@ -266,6 +291,10 @@ struct Engine {
     unmasked: VecDeque<(u64, usize)>,
     tests_from: u64,
     masked: BTreeMap<usize, u64>,
+    /// Entries that are to be written back for the next frame, with the cycles from which they are
+    /// known, and the bytes of the current list.
+    returning: VecDeque<(u64, usize)>,
+    returned: u64,
     fill: Fill,
     merge: Merge,
     resolve: Vec<TickedUnit>,
@@ -299,6 +328,8 @@ impl Engine {
             unmasked: VecDeque::new(),
             tests_from: 0,
             masked: BTreeMap::new(),
+            returning: VecDeque::new(),
+            returned: 0,
             fill: Fill::new(timing).leaving_out((scene.width * scene.height) as usize),
             merge: Merge::new(timing, scene),
             resolve: TickedUnit::each("resolve", timing.resolve.units),
@@ -312,6 +343,7 @@ impl Engine {
     fn is_done(&self, now: u64) -> bool {
         self.next.start == self.next.end
             && self.listed.items.is_empty()
+            && self.returning.is_empty()
             && self.fill.is_done(now)
             && self.merge.is_done(now)
             && self.resolved.len() >= self.taken.len()
@@ -383,6 +415,7 @@ impl<'a> BinnedMachine<'a> {
                     .count();
                 let drawn = tiles.len();
                 entries.push(Entry {
+                    has_departed: false,
                     splat: place,
                     record: record as u64,
                     corner,
@@ -393,6 +426,31 @@ impl<'a> BinnedMachine<'a> {
                 });
                 left += stamps;
                 nth += 1;
+            }
+            // A kept list has the same splats in the same order, and those that have departed.
+            if let Some(kept) = &scene.kept {
+                let first = entries.len() - nth as usize;
+                let mut here: VecDeque<Entry> = entries.drain(first..).collect();
+                for (nth, kept) in kept.lists[tile].iter().enumerate() {
+                    let (record, nth) = (kept.place as u64, nth as u64);
+                    entries.push(if kept.has_departed {
+                        Entry {
+                            splat: kept.place,
+                            record,
+                            corner,
+                            tile: tile as u64,
+                            nth,
+                            drawn: tiles.len(),
+                            stamps: 0,
+                            has_departed: true,
+                        }
+                    } else {
+                        let own = here.pop_front().expect("an entry");
+                        assert_eq!(own.splat, kept.place);
+                        Entry { record, nth, ..own }
+                    });
+                }
+                nth = kept.lists[tile].len() as u64;
             }
             match nth {
                 0 => empty.push((tiles.len(), tile as u64)),
@@ -439,9 +497,14 @@ impl<'a> BinnedMachine<'a> {
                 .collect(),
             false => tiles.iter().map(listed).collect(),
         };
-        let sorters = timing.sort.filter(|_| !scene.order.is_empty());
-        let sorters =
+        let is_sorted = !scene.order.is_empty() || scene.kept.is_some();
+        let sorters = timing.sort.filter(|_| is_sorted);
+        let mut sorters =
             sorters.and_then(|shape| Sorters::new(shape, t.memory, entry_bytes(timing), lists));
+        if let (Some(sorters), Some(kept)) = (&mut sorters, &scene.kept) {
+            let new = |list: &Vec<KeptEntry>| list.iter().map(|entry| entry.is_new).collect();
+            sorters.kept = Some((kept.is_odd, (0..).zip(kept.lists.iter().map(new)).collect()));
+        }
         BinnedMachine {
             sorters,
             timing,
@@ -454,6 +517,9 @@ impl<'a> BinnedMachine<'a> {
             bin: TickedUnit::new("bin", 1),
             writes: Requests::new(t.memory.outstanding),
             record_bytes: 0,
+            open_record: None,
+            boxes: Vec::new(),
+            boxes_gone: 0,
             list_bytes: vec![0; across * down],
             binned: 0,
             flushed: false,
@@ -501,14 +567,28 @@ impl<'a> BinnedMachine<'a> {
         if !self.writes.is_free(self.now) {
             return Act::StallOnMemory;
         }
+        if self.scene.kept.is_some() {
+            self.read_boxes(splat as u64 * BOX_BYTES / self.burst() + 2);
+            let needed = splat as u64 * BOX_BYTES / self.burst();
+            if !self.boxes[..=needed as usize]
+                .iter()
+                .all(|here| here.is_done(self.now))
+            {
+                return Act::StallOnMemory;
+            }
+        }
         self.setup.done().pop();
         let burst = self.burst();
         // What is written leaves the test some cycles later.
         let behind = self.timing.bin.map_or(0, |bin| u64::from(bin.latency));
-        let before = self.record_bytes / burst;
-        self.record_bytes += u64::from(self.timing.prepared_bytes);
-        (before + 1..=self.record_bytes / burst)
-            .for_each(|full| self.write(self.now + behind, RECORDS, full * burst));
+        if self.scene.kept.is_some() {
+            self.write_in_place(splat as u64);
+        } else {
+            let before = self.record_bytes / burst;
+            self.record_bytes += u64::from(self.timing.prepared_bytes);
+            (before + 1..=self.record_bytes / burst)
+                .for_each(|full| self.write(self.now + behind, RECORDS, full * burst));
+        }
         // Some tiles are tested at a time; the next ones wait for the slowest of them. Entries leave in
         // order.
         let (mut when, mut group_from) = (self.now, self.now);
@@ -523,6 +603,16 @@ impl<'a> BinnedMachine<'a> {
             let cycles = mask_cycles(self.timing, MaskMaker::Bin, of_splat, corner).unwrap_or(1);
             when = when.max(group_from + cycles);
             if self.scene.unlisted.contains(&(splat, tile)) {
+                continue;
+            }
+            // Others are kept from the frame before.
+            let is_new = |entry: &KeptEntry| entry.place == splat && entry.is_new;
+            if self
+                .scene
+                .kept
+                .as_ref()
+                .is_some_and(|kept| !kept.lists[tile].iter().any(is_new))
+            {
                 continue;
             }
             let before = self.list_bytes[tile] / burst;
@@ -541,6 +631,41 @@ impl<'a> BinnedMachine<'a> {
         }
         self.binned = when + behind + 1;
         Act::Take(when + 1 - self.now)
+    }
+
+    /// Requests boxes of the frame before, up to this number of bursts.
+    fn read_boxes(&mut self, until: u64) {
+        let all = (self.scene.splats.len() as u64 * BOX_BYTES).div_ceil(self.burst());
+        while (self.boxes.len() as u64) < until.min(all) {
+            let here = Done::default();
+            let from = OLD_BOXES + self.boxes.len() as u64 * self.burst();
+            self.memory.request(
+                self.now,
+                Requester::Binning,
+                Direction::Read,
+                from..from + self.burst(),
+                &here,
+            );
+            self.boxes.push(here);
+        }
+    }
+
+    /// Writes what is complete with the record and the box of a splat. A record is at the place of
+    /// its splat in the scene.
+    fn write_in_place(&mut self, splat: u64) {
+        let (burst, bytes) = (self.burst(), u64::from(self.timing.prepared_bytes));
+        let (from, to) = (splat * bytes, (splat + 1) * bytes);
+        if let Some(open) = self.open_record.take_if(|open| *open < from / burst) {
+            self.write(self.now, RECORDS, (open + 1) * burst);
+        }
+        (from / burst..to / burst).for_each(|full| {
+            self.write(self.now, RECORDS, (full + 1) * burst);
+        });
+        self.open_record = (to % burst > 0).then_some(to / burst);
+        while (self.boxes_gone + 1) * burst <= (splat + 1) * BOX_BYTES {
+            self.boxes_gone += 1;
+            self.write(self.now, NEW_BOXES, self.boxes_gone * burst);
+        }
     }
 
     fn place_of_list(&self, tile: usize) -> u64 {
@@ -562,6 +687,20 @@ impl<'a> BinnedMachine<'a> {
             return;
         }
         if !std::mem::replace(&mut self.flushed, true) {
+            if self.scene.kept.is_some() {
+                let before = self.boxes.len();
+                self.read_boxes(u64::MAX);
+                let requested = self.boxes[before..].to_vec();
+                self.writes.issued.extend(requested);
+                let bytes = self.scene.splats.len() as u64 * BOX_BYTES;
+                while self.boxes_gone * self.burst() < bytes {
+                    self.boxes_gone += 1;
+                    self.write(self.now, NEW_BOXES, self.boxes_gone * self.burst());
+                }
+                if let Some(open) = self.open_record {
+                    self.write(self.now, RECORDS, (open + 1) * self.burst());
+                }
+            }
             let lists = self
                 .list_bytes
                 .clone()
@@ -600,7 +739,7 @@ impl<'a> BinnedMachine<'a> {
     }
 
     fn sorts(&self) -> bool {
-        !self.scene.order.is_empty()
+        !self.scene.order.is_empty() || self.scene.kept.is_some()
     }
 
     fn shape(&self) -> SortShape {
@@ -737,7 +876,8 @@ impl<'a> BinnedMachine<'a> {
             }
             let number = next.start;
             let Entry { drawn, stamps, .. } = self.entries[number];
-            if !self.has_stopped(e, drawn) {
+            // Every entry of a kept list is read.
+            if self.scene.kept.is_some() || !self.has_stopped(e, drawn) {
                 break;
             }
             self.leave_out_stamps(e, drawn, stamps);
@@ -773,6 +913,7 @@ impl<'a> BinnedMachine<'a> {
         engine.records.insert(number, record);
         engine.listed.push(self.now + 1, number);
         engine.unmasked.push_back((self.now + 1, number));
+        engine.returning.push_back((self.now + 1, number));
         engine.next.start += 1;
         Act::Take(1)
     }
@@ -814,6 +955,53 @@ impl<'a> BinnedMachine<'a> {
             }
             !is_known
         });
+    }
+
+    /// Writes the entries of a kept list for the next frame, when their keys are here.
+    fn write_back(&mut self, e: usize) {
+        let (now, burst) = (self.now, self.burst());
+        while let Some((_, number)) = {
+            let Engine {
+                returning, records, ..
+            } = &mut self.engines[e];
+            returning.pop_front_if(|(here, number)| *here <= now && records[number].is_done(now))
+        } {
+            if self.scene.kept.is_none() {
+                continue;
+            }
+            let Entry {
+                tile,
+                has_departed,
+                nth,
+                drawn,
+                ..
+            } = self.entries[number];
+            let before = self.engines[e].returned;
+            let bytes = before
+                + if has_departed {
+                    0
+                } else {
+                    u64::from(self.shape().entry_bytes)
+                };
+            let is_last = nth + 1 == self.tiles[drawn].entries.len() as u64;
+            let list = sorters::kept(&self.timing.timing.memory, tile, true);
+            let until = if is_last {
+                bytes.div_ceil(burst)
+            } else {
+                bytes / burst
+            };
+            for full in before / burst..until {
+                let from = list + full * burst;
+                self.memory.request(
+                    now,
+                    Requester::Lists,
+                    Direction::Write,
+                    from..from + burst,
+                    &self.words.next(),
+                );
+            }
+            self.engines[e].returned = if is_last { 0 } else { bytes };
+        }
     }
 
     /// Begins the mask of the next entry, if its record has arrived and list makes masks.
@@ -1135,6 +1323,7 @@ impl<'a> BinnedMachine<'a> {
         }
         for e in 0..self.engines.len() {
             self.read_records(e);
+            self.write_back(e);
             self.make_mask(e);
             turn(
                 self,

@@ -26,6 +26,7 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
         unlisted: Default::default(),
         masks: Default::default(),
         blocks: None,
+        kept: None,
         mirrored: None,
     }
 }
@@ -384,6 +385,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         unlisted: Default::default(),
         masks: Default::default(),
         blocks: None,
+        kept: None,
         mirrored: None,
     };
     let total = |outstanding: u32| {

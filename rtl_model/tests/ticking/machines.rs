@@ -10,7 +10,7 @@ use rtl_model::machine::timing::{
     Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Sorter, Stage, Technology, Tile,
     Timing,
 };
-use rtl_model::machine::{Bin, BinTest, Contribution, Leaders, MaskMaker, SortKind};
+use rtl_model::machine::{Bin, BinTest, Contribution, Incremental, Leaders, MaskMaker, SortKind};
 use rtl_model::num::Word;
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
@@ -94,6 +94,28 @@ pub fn sorting_lists(rng: &mut Rng, timing: Timing) -> Machine {
     machine.bin = Some(Bin {
         tiles_per_cycle: (rng.below(2) > 0).then(|| 1 + rng.below(6) as u32),
         ..Bin::default()
+    });
+    machine
+}
+
+/// A machine with any sorters, which keeps lists from frame to frame.
+pub fn keeping_lists(rng: &mut Rng, timing: Timing) -> Machine {
+    let mut machine = sorting_lists(rng, timing);
+    let sorter = machine.timing.sort.as_mut().unwrap();
+    sorter.bucket_bits = None;
+    if rng.below(3) == 0 {
+        machine = with_blocks(rng, machine);
+        machine.bin = None;
+        machine.timing.tile.side_px = 16 * (1 + rng.below(2) as u32);
+    } else {
+        machine.timing.tile.side_px = 16 * (1 + rng.below(4) as u32);
+    }
+    let sorter = machine.timing.sort.unwrap();
+    let sort = machine.sort.as_mut().unwrap();
+    sort.kind = SortKind::Incremental;
+    sort.incremental = Some(Incremental {
+        tile_px: machine.timing.tile.side_px,
+        chunk: sorter.buffer_entries,
     });
     machine
 }

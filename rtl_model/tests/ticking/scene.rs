@@ -4,7 +4,9 @@
 use super::frames::{Rng, in_tile};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::Lists;
-use rtl_model::work::{CULLED, CullReason, Event, Recorder, TILE_PX, TestedWords, Work};
+use rtl_model::work::{
+    CULLED, CullReason, Event, MergedList, MergedLists, Recorder, TILE_PX, TestedWords, Work,
+};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A splat, with the event of every pixel of its box, row by row; `None` for pixels that it does
@@ -82,8 +84,31 @@ pub struct Scene {
     /// Side of a block in pixels, and the blocks that each place of a splat keeps: column and row of
     /// blocks of the picture. None if blocks are not tested.
     pub blocks: Option<(usize, BTreeSet<KeptBlock>)>,
+    /// Lists that are kept from frame to frame, by tile; none if every list is sorted completely.
+    pub kept: Option<KeptScene>,
     /// Texels per side of the map of reflected surroundings.
     pub mirrored: Option<usize>,
+}
+
+/// Lists that are kept from frame to frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeptScene {
+    pub tile_px: u32,
+    pub chunk: u32,
+    /// The first chunk has half as many entries.
+    pub is_odd: bool,
+    /// By tile.
+    pub lists: Vec<Vec<KeptEntry>>,
+}
+
+/// An entry of a kept list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KeptEntry {
+    /// Place of its splat.
+    pub place: usize,
+    pub is_new: bool,
+    /// The splat is culled, or its box does not touch the tile.
+    pub has_departed: bool,
 }
 
 /// Fragment to be lit: of a splat before it is drawn, of a pixel in which this splat makes
@@ -190,6 +215,7 @@ pub fn random_of(
         unlisted: BTreeSet::new(),
         masks: BTreeMap::new(),
         blocks: None,
+        kept: None,
         mirrored: None,
     };
     scene.clear_untouched();
@@ -462,6 +488,57 @@ impl Scene {
         }
     }
 
+    /// The scene with lists from the frame before: any entries are new, and some have departed.
+    pub fn keeping(self, rng: &mut Rng, timing: &Microarchitecture) -> Self {
+        let side = timing.timing.tile.side_px as usize;
+        let [columns, rows] = [self.width, self.height].map(|size| (size as usize).div_ceil(side));
+        let share = [0, 5, 30, 100][rng.below(4) as usize];
+        let list = |tile: usize| {
+            let at = [tile % columns, tile / columns].map(|at| at * side);
+            let meets = |[first, last]: [u16; 2], from: usize| {
+                usize::from(first) < from + side && usize::from(last) >= from
+            };
+            let is_here = |place: usize| {
+                let splat = &self.splats[place];
+                splat.cull_reason == CullReason::Drawn
+                    && meets(splat.columns, at[0])
+                    && meets(splat.rows, at[1])
+            };
+            let mut list: Vec<KeptEntry> = Vec::new();
+            let drawn = self.in_order().into_iter().map(|(_, place)| place);
+            for place in drawn.filter(|place| is_here(*place)) {
+                list.push(KeptEntry {
+                    place,
+                    is_new: rng.below(100) < share,
+                    has_departed: false,
+                });
+            }
+            let gone = (0..self.splats.len()).filter(|place| !is_here(*place));
+            for place in gone.collect::<Vec<_>>() {
+                if rng.below(4) == 0 {
+                    let entry = KeptEntry {
+                        place,
+                        is_new: false,
+                        has_departed: true,
+                    };
+                    list.insert(rng.below(list.len() as u64 + 1) as usize, entry);
+                }
+            }
+            list
+        };
+        let lists = (0..columns * rows).map(list).collect();
+        let kept = KeptScene {
+            tile_px: side as u32,
+            chunk: timing.sort.unwrap().sorter.unwrap().buffer_entries,
+            is_odd: rng.below(2) == 1,
+            lists,
+        };
+        Scene {
+            kept: Some(kept),
+            ..self
+        }
+    }
+
     /// Places of the drawn splats, in submission order.
     fn drawn(&self) -> Vec<usize> {
         (0..self.splats.len())
@@ -543,6 +620,18 @@ impl Scene {
                     .collect(),
                 keys,
             );
+        }
+        if let Some(kept) = &self.kept {
+            let tiles = kept.lists.iter().map(|list| MergedList {
+                splats: list.iter().map(|entry| entry.place as u32).collect(),
+                new: list.iter().map(|entry| entry.is_new).collect(),
+            });
+            recorder.merged(MergedLists {
+                tile_px: kept.tile_px,
+                chunk: kept.chunk,
+                is_odd: kept.is_odd,
+                tiles: tiles.collect(),
+            });
         }
         for top in (0..self.height as u16).step_by(TILE_PX) {
             for left in (0..self.width as u16).step_by(TILE_PX) {
@@ -715,6 +804,7 @@ impl Scene {
             unlisted: BTreeSet::new(),
             masks: BTreeMap::new(),
             blocks: None,
+            kept: None,
             mirrored: None,
         }
     }

@@ -13,7 +13,7 @@ use rtl_model::elaboration::microarchitecture::SortShape;
 use rtl_model::elaboration::sorter::SorterShape;
 use rtl_model::machine::timing::Memory as Description;
 use rtl_model::timing::{Direction, Requester};
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 
 /// Address regions: lists with keys, at this distance; then two regions for merged lists, then the
@@ -64,6 +64,8 @@ impl WriteStream {
 /// Unit of loading, sorting and storing.
 struct Piece {
     load: Range<u64>,
+    /// Sorted new entries in memory that are merged with the loaded ones.
+    also: Range<u64>,
     /// All stores before must be written before it is loaded.
     is_stored_before: bool,
     /// Cycles until the next piece can be loaded; cycles before the last pass; cycles of the last
@@ -80,7 +82,7 @@ struct Sorter {
     pieces: VecDeque<Piece>,
     /// First cycle with room to load, and the piece in flight or loaded.
     room: u64,
-    loaded: Option<(Done, Piece)>,
+    loaded: Option<([Done; 2], Piece)>,
     working: Option<Piece>,
     stored: Requests,
     /// The tile whose list is complete once everything is stored.
@@ -102,6 +104,15 @@ pub struct Sorters {
     begun: bool,
     /// Tiles whose lists are in memory.
     pub complete: BTreeSet<u64>,
+    /// Whether each entry of a tile's list is new, and whether the first chunk of the others is half
+    /// as long; none if lists are not kept.
+    pub kept: Option<(bool, BTreeMap<u64, Vec<bool>>)>,
+}
+
+/// First address of a tile's list that was kept from the frame before, and of the one for the next
+/// frame.
+pub fn kept(memory: &Description, tile: u64, is_next: bool) -> u64 {
+    KEYED + (4 + u64::from(is_next)) * PLACES + apart(memory, APART) * tile
 }
 
 impl Sorters {
@@ -131,6 +142,7 @@ impl Sorters {
             lists: lists.into(),
             begun: false,
             complete: BTreeSet::new(),
+            kept: None,
         })
     }
 
@@ -187,7 +199,10 @@ impl Sorters {
         if sorter.working.is_some() {
             return;
         }
-        if let Some((_, piece)) = sorter.loaded.take_if(|(here, _)| here.is_done(now)) {
+        if let Some((_, piece)) = sorter
+            .loaded
+            .take_if(|(here, _)| here.iter().all(|here| here.is_done(now)))
+        {
             sorter.room = now + piece.room_after;
             sorter.working = Some(piece);
             unit.instances[0].items += 1;
@@ -211,15 +226,7 @@ impl Sorters {
             .pieces
             .pop_front_if(|piece| may_load(piece, is_quiet))
         {
-            let here = Done::default();
-            memory.request(
-                now,
-                Requester::Sort,
-                Direction::Read,
-                piece.load.clone(),
-                &here,
-            );
-            sorter.loaded = Some((here, piece));
+            sorter.loaded = Some((read(now, &piece, memory), piece));
         }
     }
 
@@ -252,6 +259,9 @@ impl Sorters {
     }
 
     fn plan(&self, tile: u64, keys: &[u32], sorter: u64) -> VecDeque<Piece> {
+        if let Some((is_odd, lists)) = &self.kept {
+            return self.plan_kept(tile, &lists[&tile], *is_odd);
+        }
         let mut pieces = VecDeque::new();
         let mut numbers =
             WriteStream::new(LISTS + apart(&self.memory, LIST_BYTES) * tile, self.burst);
@@ -312,6 +322,105 @@ impl Sorters {
         pieces
     }
 
+    /// Sorts the new entries of a kept list, and then its stored entries chunk by chunk. Each chunk's
+    /// last pass has a cycle for each of its entries, and for each new entry that comes before the
+    /// end of the chunk.
+    fn plan_kept(&self, tile: u64, list: &[bool], is_odd: bool) -> VecDeque<Piece> {
+        let mut pieces = VecDeque::new();
+        let mut numbers =
+            WriteStream::new(LISTS + apart(&self.memory, LIST_BYTES) * tile, self.burst);
+        let limit = self.sorter.buffer_entries as usize;
+        let new = list.iter().filter(|new| **new).count();
+        let is_first = new == list.len();
+        let base = keyed(&self.memory, tile);
+        if new > 0 {
+            self.sort(tile, base, new, &mut numbers, true, &mut pieces);
+        }
+        let is_long = new > limit;
+        let mut merged = 0;
+        if !is_first {
+            // The result of the last round has keys, or stays on the chip.
+            let mut rounds = 0;
+            while limit << rounds < new {
+                rounds += 1;
+            }
+            let region = KEYED + (1 + rounds % 2) * PLACES + apart(&self.memory, APART) * tile;
+            let mut result = WriteStream::new(region, self.burst);
+            let first = pieces.len()
+                - if is_long {
+                    new.div_ceil(limit / 2)
+                } else {
+                    pieces.len()
+                };
+            let last = pieces.len();
+            for (nth, piece) in pieces.iter_mut().enumerate().skip(first) {
+                piece.stores.clear();
+                if is_long {
+                    let some = (limit / 2).min(new - (nth - first) * (limit / 2));
+                    result.push(some as u64 * self.entry());
+                    piece.stores.extend(result.take(nth + 1 == last));
+                }
+            }
+            merged = region;
+            numbers = WriteStream::new(LISTS + apart(&self.memory, LIST_BYTES) * tile, self.burst);
+        }
+        // The places of stored entries, chunk by chunk.
+        let stored: Vec<usize> = (0..list.len()).filter(|place| !list[*place]).collect();
+        let (mut from, mut place, mut loaded) = (0, 0, kept(&self.memory, tile, false));
+        while from < stored.len() {
+            let own = if from == 0 && is_odd {
+                limit / 2
+            } else {
+                limit
+            };
+            let to = (from + own).min(stored.len());
+            let is_last = to == stored.len();
+            let end = if is_last {
+                list.len()
+            } else {
+                stored[to - 1] + 1
+            };
+            let entries = to - from;
+            let with_new = end - place;
+            let cycles = entries.div_ceil(self.sorter.network as usize);
+            let (mut runs, mut passes) = (cycles, 0);
+            while runs > 1 {
+                (runs, passes) = (runs.div_ceil(2), passes + 1);
+            }
+            let before = if passes > 1 {
+                (passes - 1) * entries
+            } else {
+                0
+            };
+            numbers.push(self.stored_bytes * with_new as u64);
+            let bytes = entries as u64 * self.entry();
+            let new_bytes = (with_new - entries) as u64 * self.entry();
+            pieces.push_back(Piece {
+                load: loaded..loaded + bytes,
+                also: if is_long {
+                    merged..merged + new_bytes
+                } else {
+                    0..0
+                },
+                is_stored_before: is_long && from == 0,
+                room_after: cycles as u64,
+                before: (cycles + before) as u64 + u64::from(self.sorter.network_latency),
+                last: with_new as u64,
+                stores: numbers.take(is_last).into_iter().collect(),
+                completes: None,
+            });
+            loaded += bytes;
+            if is_long {
+                merged += new_bytes;
+            }
+            (from, place) = (to, end);
+        }
+        if let Some(piece) = pieces.back_mut() {
+            piece.completes = Some(tile);
+        }
+        pieces
+    }
+
     /// Sorts this many entries; their numbers are appended to those before.
     fn sort(
         &self,
@@ -356,6 +465,7 @@ impl Sorters {
             let stores = stores.into_iter().collect();
             pieces.push_back(Piece {
                 load: loaded..to,
+                also: 0..0,
                 is_stored_before: false,
                 room_after: cycles,
                 before,
@@ -391,11 +501,28 @@ impl Sorters {
     }
 }
 
+/// Reads what a piece loads.
+fn read(now: u64, piece: &Piece, memory: &mut Memory) -> [Done; 2] {
+    let load = |bytes: &Range<u64>| {
+        let here = Done::default();
+        memory.request(now, Requester::Sort, Direction::Read, bytes.clone(), &here);
+        here
+    };
+    let mut load = load;
+    let first = load(&piece.load);
+    let other = match piece.also.is_empty() {
+        true => first.clone(),
+        false => load(&piece.also),
+    };
+    [first, other]
+}
+
 /// A piece of one entry per cycle. The other half of the buffer is free, but not more than that.
 fn streaming(load: Range<u64>, entries: usize, is_last: bool, stores: Vec<Range<u64>>) -> Piece {
     let entries = entries as u64;
     Piece {
         load,
+        also: 0..0,
         is_stored_before: false,
         room_after: if is_last { entries } else { 0 },
         before: 0,

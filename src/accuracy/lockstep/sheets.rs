@@ -28,7 +28,9 @@ impl<'a> SheetRules<'a> {
         let frame = quantised.frame.ellipsoids.as_ref();
         Some(SheetRules {
             words: SheetWords::new(&Bounded, scene, machine, quantised)?,
-            sorted: frame.is_some_and(|ellipsoids| ellipsoids.sorted),
+            // Lists that were kept are not sorted: the difference is one of the method.
+            sorted: frame.is_some_and(|ellipsoids| ellipsoids.sorted)
+                && quantised.frame.lists.is_none(),
         })
     }
 

@@ -526,6 +526,7 @@ fn picture(width: usize, height: usize, splats: Vec<Splat>) -> Scene {
         ],
         environment: None,
         detail: None,
+        path: None,
         notes: Vec::new(),
     }
 }

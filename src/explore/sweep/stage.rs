@@ -109,9 +109,12 @@ impl Point {
         let same_kind = |sort: Sort| match base.sort {
             // Sums are another picture.
             _ if base.sums_gaussians() || sort.kind == SortKind::None => sort,
+            // So are lists that are kept from frame to frame.
+            _ if base.keeps_lists().is_some() || sort.kind == SortKind::Incremental => sort,
             Some(of_base) => Sort {
                 kind: of_base.kind,
                 digit_bits: of_base.digit_bits,
+                incremental: sort.incremental,
                 ..sort
             },
             None => sort,

@@ -49,6 +49,7 @@ fn can_be_batched(timing: &Microarchitecture) -> bool {
     t.organisation == Organisation::Binned
         && timing.is_single()
         && !timing.overlaps_sort()
+        && !timing.keeps_lists()
         && !cuts(timing)
         && is_plain
 }

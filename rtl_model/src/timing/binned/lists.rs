@@ -22,7 +22,7 @@ use crate::num::LANES;
 use crate::probe::NoProbe;
 use crate::timing::stamps::Stamps;
 use crate::units::bin::{self, SPLAT_INPUTS, SPLAT_OUTPUTS, TILE_INPUTS};
-use crate::work::{Bins, Footprint, TILE_PX, TestedWords, Work, each_tile};
+use crate::work::{Bins, DEPARTED, Footprint, TILE_PX, TestedWords, Work, each_tile};
 use std::ops::Deref;
 
 /// The lists of all tiles.
@@ -31,6 +31,15 @@ pub struct Lists {
     side_px: usize,
     tested: Option<Tested>,
     masks: Option<EntryMasks>,
+    kept: Option<Kept>,
+}
+
+/// Lists that are kept from frame to frame.
+struct Kept {
+    /// Place of the first tile of each splat, and of the end.
+    starts: Vec<usize>,
+    /// By splat, and by rows of the tiles of its box: whether it is new in the list.
+    new: Vec<bool>,
 }
 
 /// Tiles of boxes before the test, and its results.
@@ -95,6 +104,16 @@ impl Lists {
     /// tile of a box.
     pub fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let side_px = timing.timing.tile.side_px as usize;
+        if let Some(listed) = work.kept_bins().filter(|_| timing.keeps_lists()) {
+            let blocks = timing.contribution.and_then(|blocks| blocks.masks);
+            return Lists {
+                masks: blocks.map(|shape| EntryMasks::recorded(shape, work, &listed, side_px)),
+                kept: Kept::new(work, &listed, side_px),
+                listed,
+                side_px,
+                tested: None,
+            };
+        }
         let boxes = work.bins(side_px);
         let shape = timing
             .bin
@@ -106,6 +125,7 @@ impl Lists {
                 listed: boxes,
                 side_px,
                 tested: None,
+                kept: None,
             };
         };
         let results = Results::new(&shape, work, side_px);
@@ -137,7 +157,13 @@ impl Lists {
             listed,
             side_px,
             tested: Some(Tested { boxes, results }),
+            kept: None,
         }
+    }
+
+    /// Whether lists are kept from frame to frame.
+    pub fn are_kept(&self) -> bool {
+        self.kept.is_some()
     }
 
     /// Counts of the tests, if the machine has any; those of masks are completed by the replay.
@@ -149,7 +175,10 @@ impl Lists {
             seeds: 0,
         });
         (self.tested.is_some() || masks.is_some()).then(|| TileTests {
-            tiles: self.boxes().entries() as u64,
+            tiles: match &self.kept {
+                Some(kept) => kept.new.len() as u64,
+                None => self.boxes().entries() as u64,
+            },
             entries: self.entries() as u64,
             masks,
         })
@@ -198,8 +227,8 @@ impl Lists {
             .map_or(&self.listed, |tested| &tested.boxes)
     }
 
-    /// Calls `visit` with each tile of the box of the nth splat, by rows, and whether it is listed
-    /// there.
+    /// Calls `visit` with each tile of the box of the nth splat, by rows, and whether `bin` lists it
+    /// there: it does not if the entry is kept from the frame before.
     #[inline(always)]
     pub fn each(
         &self,
@@ -209,6 +238,12 @@ impl Lists {
         mut visit: impl FnMut(usize, bool),
     ) {
         match &self.tested {
+            None if let Some(kept) = &self.kept => {
+                let mut new = kept.new[kept.starts[nth]..].iter();
+                each_tile(footprint.sides(), side_px, self.columns, |tile| {
+                    visit(tile, new.next().is_none_or(|new| *new))
+                });
+            }
             None => each_tile(footprint.sides(), side_px, self.columns, |tile| {
                 visit(tile, true)
             }),
@@ -247,11 +282,28 @@ impl Lists {
     }
 }
 
+impl Kept {
+    fn new(work: &Work, listed: &Bins, side_px: usize) -> Option<Self> {
+        let lists = work.lists.as_ref()?;
+        let starts = places(work, side_px);
+        let mut new = vec![false; starts.last().copied().unwrap_or_default()];
+        for (tile, list) in lists.tiles.iter().enumerate().take(listed.tiles()) {
+            let at = [tile % listed.columns, tile / listed.columns];
+            for (nth, is_new) in listed.of(tile).iter().zip(&list.new) {
+                if let Some(footprint) = work.footprints.get(*nth as usize) {
+                    new[place(starts[*nth as usize], footprint, side_px, at)] = *is_new;
+                }
+            }
+        }
+        Some(Kept { starts, new })
+    }
+}
+
 impl EntryMasks {
     /// Masks of blocks, as they were recorded by tiles of 16 pixels. A record without them has all
     /// blocks of a box.
     fn recorded(shape: Masks, work: &Work, listed: &Bins, side_px: usize) -> Self {
-        let places = Results::places(work);
+        let places = places(work, TILE_PX);
         let across = TILE_PX / shape.subtile_px as usize;
         let mut recorded = vec![u16::MAX; places.last().copied().unwrap_or_default()];
         let boxes = work.bins(TILE_PX);
@@ -268,6 +320,10 @@ impl EntryMasks {
             let at = [tile % listed.columns, tile / listed.columns];
             let own = shape.across() as usize;
             for nth in listed.of(tile) {
+                if *nth == DEPARTED {
+                    masks.push(0);
+                    continue;
+                }
                 let footprint = &work.footprints[*nth as usize];
                 let part = part(footprint, side_px, at);
                 let bits = subtiles(&shape, part).filter(|(bit, _)| {
@@ -385,18 +441,18 @@ impl Results {
     fn place(&self, nth: u32, footprint: &Footprint, side_px: usize, [x, y]: [usize; 2]) -> usize {
         place(self.starts[nth as usize], footprint, side_px, [x, y])
     }
+}
 
-    /// Place of the first recorded tile of each splat, and of the end.
-    fn places(work: &Work) -> Vec<usize> {
-        let mut places = vec![0];
-        for footprint in &work.footprints {
-            let [columns, rows] = footprint.sides().map(|[first, last]| {
-                usize::from(last) / TILE_PX - usize::from(first) / TILE_PX + 1
-            });
-            places.push(places.last().copied().unwrap_or_default() + columns * rows);
-        }
-        places
+/// Place of the first tile of each splat's box, and of the end.
+fn places(work: &Work, side_px: usize) -> Vec<usize> {
+    let mut places = vec![0];
+    for footprint in &work.footprints {
+        let [columns, rows] = footprint
+            .sides()
+            .map(|[first, last]| usize::from(last) / side_px - usize::from(first) / side_px + 1);
+        places.push(places.last().copied().unwrap_or_default() + columns * rows);
     }
+    places
 }
 
 /// Place of the tile in this column and row among those of a box, by rows, after those before it.

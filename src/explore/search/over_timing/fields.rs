@@ -109,6 +109,17 @@ const LISTS: [&str; 8] = [
     "sort.digit_bits",
 ];
 
+/// Fields that decide the picture of a machine that keeps lists from frame to frame, or that it does
+/// not have.
+const OF_KEPT_LISTS: [&str; 6] = [
+    "timing.tile.side_px",
+    "timing.sort.buffer_entries",
+    "bin.test",
+    "bin.subtile_px",
+    "bin.masks",
+    "sort.kind",
+];
+
 /// The default fields that a machine has, with their values.
 pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
     let value = machines::value(machine);
@@ -139,7 +150,8 @@ pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
             && value.pointer(&place(unit)).is_some_and(Value::is_object)
     };
     let is_used = |field: &str| {
-        !unused.contains(&field)
+        !(unused.contains(&field)
+            || machine.keeps_lists().is_some() && OF_KEPT_LISTS.contains(&field))
             && (kind == SortKind::Hierarchical || field != "timing.sort.bucket_bits")
     };
     let there = FIELDS.iter().filter(|(field, _)| {
@@ -251,6 +263,9 @@ fn check(fields: &[SearchedField]) -> std::result::Result<(), String> {
         if values.is_empty() {
             return Err(format!("{field} has no values"));
         }
+        if field == "sort.kind" && values.contains(&json!(SortKind::Incremental)) {
+            return Err("sort.kind incremental changes the picture: --set sort.kind=incremental sets it for the whole search".into());
+        }
         if field == "sort.kind" && values.contains(&json!(SortKind::None)) {
             return Err(
                 "sort.kind none changes the picture: --machine weighted begins with it".into(),
@@ -279,6 +294,11 @@ pub(super) fn knobs(machine: &Machine, fields: &[SearchedField]) -> Result<Vec<K
             .pointer(&machines::pointer(field))
             .cloned()
             .unwrap_or(Value::Null);
+        if machine.keeps_lists().is_some() && OF_KEPT_LISTS.contains(&field.as_str()) {
+            return Err(Error::input(format!(
+                "--fields: {field} decides the picture of a machine that keeps lists from frame to frame (sort.kind incremental): leave it out"
+            )));
+        }
         if field == "sort.kind" && own == json!(SortKind::None) {
             return Err(Error::input(format!(
                 "--fields: {field} is none, which sums Gaussians, and each other kind draws another picture: leave it out"
