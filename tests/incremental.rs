@@ -503,6 +503,52 @@ fn kept_lists_are_never_free() {
     assert!(bins.listed() < bins.entries());
 }
 
+/// Masks that `list` makes change neither the picture nor the lists: raster passes over subtiles
+/// without a pixel, for which each engine has tests.
+#[test]
+fn masks_of_kept_lists_save_stamps_and_cost_tests() {
+    let scenes = frames(1200, [90, 60], &arc(3, 0.1));
+    let plain = incremental("gaussian", 32, 256);
+    let masks = ["bin.test=ellipse", "bin.subtile_px=8", "bin.masks=list"];
+    let masked = masks.iter().fold(plain.clone(), |machine, setting| {
+        let mut value = machines::value(&machine);
+        let (path, choice) = setting.split_once('=').unwrap();
+        let choice = choice
+            .parse::<u32>()
+            .map_or(json!(choice), |number| json!(number));
+        machines::lay(&mut value, path, choice);
+        machines::from_value(&value, "masked").unwrap()
+    });
+    let [plain, masked] = [plain, masked].map(|machine| fixed::elaborate(&machine).unwrap());
+    let of = |machine: &Elaborated| {
+        let recording = recording(&scenes, machine);
+        let work = recording.work;
+        let replayed = timing::replay(&machine.timing, &work, Detail::Accounts);
+        (work, replayed)
+    };
+    let ((one, without), (other, with)) = (of(&plain), of(&masked));
+    assert_eq!((&one.lists, &one.tiles), (&other.lists, &other.tiles));
+    let counts = with.tile_tests.unwrap().masks.unwrap();
+    assert!(without.tile_tests.is_none_or(|tests| tests.masks.is_none()));
+    assert!(
+        0 < counts.set && counts.set < counts.tested && counts.list_cycles > 0,
+        "{counts:?}"
+    );
+    assert_eq!(
+        with.memory.bytes[1], without.memory.bytes[1],
+        "bin tests no tile"
+    );
+    // Tested ones, and those that keep a pixel.
+    assert!(
+        with.stamps[0] < without.stamps[0],
+        "{:?}",
+        [with.stamps, without.stamps]
+    );
+    assert_eq!(with.stamps[1], without.stamps[1]);
+    let cost = |machine: &Elaborated| Cost::new(machine, &Prices::default());
+    assert!(cost(&masked).area > cost(&plain).area);
+}
+
 #[test]
 fn lists_that_cannot_be_kept_are_refused() {
     let refused = |settings: &[&str], why: &str| {
@@ -531,6 +577,15 @@ fn lists_that_cannot_be_kept_are_refused() {
         "must be a power of two",
     );
     refused(&[kind, "bin.test=ellipse"], "bin.test must be box");
+    refused(
+        &[
+            kind,
+            "bin.test=ellipse",
+            "bin.subtile_px=8",
+            "bin.masks=bin",
+        ],
+        "masks of subtiles that list makes",
+    );
     refused(&[kind, "timing.sort.bucket_bits=3"], "has no buckets");
     refused(&[kind, "sort.tile_bits=13"], "part of the key of radix");
     refused(&[kind, "timing.organisation=immediate"], "use binned");

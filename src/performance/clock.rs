@@ -57,7 +57,8 @@ pub fn critical_paths(machine: &Elaborated) -> Vec<CriticalPath> {
             of.pace.latency,
         )
     });
-    let bin = t.bin.map(|bin| critical("bin", bin.path(), bin.latency));
+    let in_bin = t.bin.filter(|bin| bin.latency > 0);
+    let bin = in_bin.map(|bin| critical("bin", bin.path(), bin.latency));
     let contribution = (t.contribution)
         .map(|blocks| critical("contribution", t.paths.contribution, blocks.latency));
     let list = t.bin.filter(|_| t.contribution.is_none()).and_then(|bin| {

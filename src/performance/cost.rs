@@ -574,7 +574,9 @@ impl Energy {
                 tested
             }
             // Each entry of a kept list is written back.
-            unit::LIST if machine.timing.keeps_lists() => counted(unit::LIST),
+            unit::LIST if machine.timing.keeps_lists() => {
+                counted(unit::LIST).max(masks.map_or(0, |masks| masks.list_cycles) as f64)
+            }
             // The parts of list are those of its masks, in all engines.
             unit::LIST | unit::CONTRIBUTION => masks.map_or(0, |masks| masks.list_cycles) as f64,
             // Each shaded fragment may be reflected.

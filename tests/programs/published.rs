@@ -75,7 +75,8 @@ fn kept_work(scene: &Path, size: (usize, usize)) -> Result<Work> {
         "sort.incremental.tile_px=64",
         "timing.tile.side_px=64",
     ];
-    let machine = built("gaussian", &settings)?;
+    let mut machine = built("gaussian", &settings)?;
+    machine.records_choices = true;
     let quantised = quantise(sequence.frame(FRAME)?, &machine.machine)?;
     Ok(fixed::draw_measured(&machine, &quantised).2)
 }

@@ -384,7 +384,7 @@ pub const SORT_COUNT_BITS: u64 = 32;
 pub struct BinShape {
     /// Kind of the test.
     pub test: BinTest,
-    /// Cycles from a splat to its first entry.
+    /// Cycles from a splat to its first entry; 0 if only `list` tests, for its masks.
     pub latency: u32,
     /// Words of its arithmetic.
     #[serde(skip)]
@@ -844,20 +844,23 @@ impl Machine {
                 coloured.units,
                 [setup_out, widths.prepared],
             ),
-            bin.map_or(NO_TEST, |BinShape { latency, bits, .. }| {
-                let pace = Pace {
-                    units: 1,
-                    latency,
-                    interval: 1,
-                    fifo: 0,
-                };
-                Pipeline::new(
-                    unit::BIN,
-                    &pace,
-                    self.tiles_per_cycle(),
-                    bits.map(i64::from),
-                )
-            }),
+            bin.filter(|bin| bin.latency > 0).map_or(
+                NO_TEST,
+                |BinShape { latency, bits, .. }| {
+                    let pace = Pace {
+                        units: 1,
+                        latency,
+                        interval: 1,
+                        fifo: 0,
+                    };
+                    Pipeline::new(
+                        unit::BIN,
+                        &pace,
+                        self.tiles_per_cycle(),
+                        bits.map(i64::from),
+                    )
+                },
+            ),
             in_list.map_or(NO_TEST, |(latency, bits)| {
                 let pace = Pace {
                     units: 1,

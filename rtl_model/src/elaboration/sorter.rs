@@ -15,7 +15,7 @@ use super::latency::Path;
 use super::microarchitecture::{ENTRY_BYTES, SORT_COUNT_BITS};
 use super::{Elaboration, Operator, unit};
 use crate::machine::timing::Sorter;
-use crate::machine::{BinTest, Incremental, Machine, Sort, SortKind};
+use crate::machine::{BinTest, Incremental, Machine, MaskMaker, Sort, SortKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -199,9 +199,13 @@ impl Machine {
             format!("sort.incremental.chunk is {chunk}, and timing.sort.buffer_entries is {buffer}: chunks decide the picture, so both must be equal")
         });
         let bin = self.bin.unwrap_or_default();
-        e.require(bin.test == BinTest::Box && bin.subtile_px.is_none(), || {
-            "sort.kind is incremental, which lists every tile of a box: bin.test must be box, without bin.subtile_px".into()
-        });
+        let masks = bin.subtile_px.and(bin.masks.or(Some(MaskMaker::Bin)));
+        e.require(
+            bin.test == BinTest::Box || masks == Some(MaskMaker::List),
+            || {
+                "sort.kind is incremental, which lists every tile of a box: bin.test must be box, or have masks of subtiles that list makes (bin.masks list)".into()
+            },
+        );
     }
 
     /// The sorters of a machine that sorts lists one by one. Impossible ones are refused.

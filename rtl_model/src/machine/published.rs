@@ -118,9 +118,10 @@ pub(super) fn gscore() -> Machine {
 }
 
 /// Neo (ASPLOS 2026): lists that are kept from frame to frame, in chunks of 256; 16 sorters (8 of
-/// each kind), four cores with 64 pixels per cycle each, tiles of 64 pixels.
+/// each kind), four cores with 64 pixels per cycle each, tiles of 64 pixels with masks of subtiles
+/// that `list` makes.
 pub(super) fn neo() -> Machine {
-    let base = sorted(fp16(), SortKind::Incremental);
+    let base = sorted(tested_half(), SortKind::Incremental);
     let t = base.timing;
     let side_px = 64;
     let chunk = 256;
@@ -134,8 +135,11 @@ pub(super) fn neo() -> Machine {
             ..sort
         }),
         bin: Some(Bin {
+            test: BinTest::OrientedBox,
+            subtile_px: Some(8),
+            masks: Some(MaskMaker::List),
+            mask_tests: Some(4),
             tiles_per_cycle: Some(2),
-            ..Bin::default()
         }),
         timing: Timing {
             clock_hz: 1_000_000_000,

@@ -238,20 +238,21 @@ impl Machine {
         // A contribution test makes those of a machine that has one.
         let masks = Masks::of(self).filter(|_| self.contribution.is_none());
         let engines = self.timing.engines.unwrap_or(1).clamp(1, 64);
-        words.declare(masks, [self.tiles_per_cycle(), engines], e);
+        // Lists that are kept have every tile of a box: only `list` tests, for its masks.
+        let are_kept = self.keeps_lists().is_some();
+        let tiles = if are_kept { 0 } else { self.tiles_per_cycle() };
+        words.declare(masks, [tiles, engines], e);
         let cycles = |path: Path| path.cycles_at(&self.timing).max(1);
         let shape = BinShape {
             test: words.test,
-            latency: 1,
+            latency: 0,
             bits: [words.splat_bits(), words.tile_bits()],
             masks,
             mask_latency: masks.map(|masks| cycles(masks.path(words))),
             words,
         };
-        Some(BinShape {
-            latency: cycles(shape.path()),
-            ..shape
-        })
+        let latency = if are_kept { 0 } else { cycles(shape.path()) };
+        Some(BinShape { latency, ..shape })
     }
 
     /// Parts for each tile after the first that is listed in a cycle: its column and row, its entry

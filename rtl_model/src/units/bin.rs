@@ -100,7 +100,8 @@ impl BinWords {
     }
 
     /// Refuses words that the test cannot use, and declares the parts of the tests of tiles, and of
-    /// those of subtiles: for a number of tiles per cycle, and for a number of engines.
+    /// those of subtiles: for a number of tiles per cycle, 0 if `bin` tests none, and for a number of
+    /// engines.
     pub fn declare(&self, masks: Option<Masks>, [tiles, engines]: [u32; 2], e: &mut Elaboration) {
         for (name, word) in [
             ("raster.offset", self.offset),
@@ -134,7 +135,9 @@ impl BinWords {
             return;
         }
         let in_bin = masks.filter(|masks| masks.made == MaskMaker::Bin);
-        self.declare_tests((UNIT, 1), (in_bin, tiles), e);
+        if tiles > 0 {
+            self.declare_tests((UNIT, 1), (in_bin, tiles), e);
+        }
         if let Some(in_list) = masks.filter(|masks| masks.made == MaskMaker::List) {
             self.declare_tests((unit::LIST, engines), (Some(in_list), 1), e);
         }

@@ -681,10 +681,10 @@ fn sorters_tick_as_they_are_replayed() {
 }
 
 /// Lists that are kept from frame to frame: stored, new and departed entries, long lists and short
-/// ones; some machines test blocks.
+/// ones; some machines test blocks, and some have masks of subtiles.
 #[test]
 fn kept_lists_tick_as_they_are_replayed() {
-    let (mut events, mut counts) = (EventCounts::default(), [0; 3]);
+    let (mut events, mut counts, mut masks) = (EventCounts::default(), [0; 3], 0);
     for (size, splats, cases) in [
         ([8, 8], 6, 300),
         ([60, 50], 40, 300),
@@ -706,6 +706,10 @@ fn kept_lists_tick_as_they_are_replayed() {
                 machine.timing.sort.as_mut().unwrap().overlap = false;
             }
             let elaborated = machine.elaborate().unwrap().timing;
+            let (scene, words, cutoff) = match elaborated.bin {
+                Some(_) => scene.tested(&mut rng, &elaborated),
+                None => (scene, Vec::new(), 0),
+            };
             let scene = match elaborated.contribution {
                 Some(_) => scene.blocked(&mut rng, &elaborated),
                 None => scene,
@@ -716,8 +720,13 @@ fn kept_lists_tick_as_they_are_replayed() {
                 scene
             };
             let scene = scene.keeping(&mut rng, &elaborated);
-            let work = scene.record();
+            let mut work = scene.record();
+            (work.tested, work.cutoff) = (words, cutoff);
             work.check().unwrap();
+            let tests = replay(&elaborated, &work, Detail::Total).tile_tests;
+            masks += tests
+                .and_then(|tests| tests.masks)
+                .map_or(0, |masks| masks.seeds);
             for entry in scene.kept.iter().flat_map(|kept| &kept.lists).flatten() {
                 let kind = if entry.has_departed {
                     2
@@ -736,8 +745,8 @@ fn kept_lists_tick_as_they_are_replayed() {
         }
     }
     assert!(
-        counts.iter().all(|count| *count > share_of(3000)),
-        "{counts:?}"
+        counts.iter().all(|count| *count > share_of(3000)) && masks > share_of(300),
+        "{counts:?}, {masks} seeds of runs"
     );
     assert!(
         ["sort busy", "sort memory", "sort starved"]

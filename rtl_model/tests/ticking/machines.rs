@@ -103,12 +103,21 @@ pub fn keeping_lists(rng: &mut Rng, timing: Timing) -> Machine {
     let mut machine = sorting_lists(rng, timing);
     let sorter = machine.timing.sort.as_mut().unwrap();
     sorter.bucket_bits = None;
-    if rng.below(3) == 0 {
-        machine = with_blocks(rng, machine);
-        machine.bin = None;
-        machine.timing.tile.side_px = 16 * (1 + rng.below(2) as u32);
-    } else {
-        machine.timing.tile.side_px = 16 * (1 + rng.below(4) as u32);
+    match rng.below(4) {
+        0 => {
+            machine = with_blocks(rng, machine);
+            machine.bin = None;
+            machine.timing.tile.side_px = 16 * (1 + rng.below(2) as u32);
+        }
+        1 => {
+            machine = with_masks(rng, machine);
+            let bin = machine.bin.as_mut().unwrap();
+            bin.masks = Some(MaskMaker::List);
+            let subtile_px = bin.subtile_px.unwrap();
+            let most = (u64::from(subtile_px) / 2).min(4);
+            machine.timing.tile.side_px = 16 * (1 + rng.below(most) as u32);
+        }
+        _ => machine.timing.tile.side_px = 16 * (1 + rng.below(4) as u32),
     }
     let sorter = machine.timing.sort.unwrap();
     let sort = machine.sort.as_mut().unwrap();

@@ -400,6 +400,22 @@ impl Scene {
         let cutoff = (rng.between(0.5, 9.0) * one(words.cutoff)) as i64;
         let mut work = self.record();
         (work.tested, work.cutoff) = (tested.clone(), cutoff);
+        if timing.keeps_lists() {
+            // Every tile of a box is listed; masks do not depend on what is kept.
+            let boxes = work.bins(timing.timing.tile.side_px as usize);
+            let tiles = (0..boxes.tiles()).map(|tile| MergedList {
+                splats: (boxes.of(tile).iter())
+                    .map(|nth| work.footprints[*nth as usize].splat)
+                    .collect(),
+                new: vec![true; boxes.of(tile).len()],
+            });
+            work.lists = Some(MergedLists {
+                tile_px: timing.timing.tile.side_px,
+                chunk: 4,
+                is_odd: false,
+                tiles: tiles.collect(),
+            });
+        }
         let [lists, boxes] = [timing.bin, None].map(|bin| {
             let timing = Microarchitecture {
                 bin,

@@ -106,8 +106,12 @@ impl Lists {
         let side_px = timing.timing.tile.side_px as usize;
         if let Some(listed) = work.kept_bins().filter(|_| timing.keeps_lists()) {
             let blocks = timing.contribution.and_then(|blocks| blocks.masks);
+            let of_bin = (timing.bin).filter(|_| work.tested.len() == work.footprints.len());
             return Lists {
-                masks: blocks.map(|shape| EntryMasks::recorded(shape, work, &listed, side_px)),
+                masks: match blocks {
+                    Some(shape) => Some(EntryMasks::recorded(shape, work, &listed, side_px)),
+                    None => of_bin.and_then(|of| EntryMasks::kept(&of, work, &listed, side_px)),
+                },
                 kept: Kept::new(work, &listed, side_px),
                 listed,
                 side_px,
@@ -300,6 +304,27 @@ impl Kept {
 }
 
 impl EntryMasks {
+    /// Masks of the entries of kept lists, which `list` makes. Those of departed splats are empty.
+    fn kept(shape: &BinShape, work: &Work, listed: &Bins, side_px: usize) -> Option<Self> {
+        let results = Results::new(shape, work, side_px);
+        let mut masks = Vec::with_capacity(listed.entries());
+        for tile in 0..listed.tiles() {
+            let at = [tile % listed.columns, tile / listed.columns];
+            let of = |nth: &u32| {
+                let footprint = work.footprints.get(*nth as usize)?;
+                let place = results.place(*nth, footprint, side_px, at);
+                Some(results.masks[place])
+            };
+            masks.extend(listed.of(tile).iter().map(|nth| of(nth).unwrap_or(0)));
+        }
+        Some(EntryMasks {
+            shape: shape.masks?,
+            tested: 0,
+            set: 0,
+            masks,
+        })
+    }
+
     /// Masks of blocks, as they were recorded by tiles of 16 pixels. A record without them has all
     /// blocks of a box.
     fn recorded(shape: Masks, work: &Work, listed: &Bins, side_px: usize) -> Self {
