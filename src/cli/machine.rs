@@ -168,7 +168,7 @@ fn description(machine: &str) -> &'static str {
         "mixed" => "the same, with a contribution test",
         "weighted" => "sums Gaussians, without a sort",
         "gscore" => "after GSCore (ASPLOS 2024)",
-        "neo" => "after Neo (ASPLOS 2026): lists are kept from frame to frame",
+        "neo" => "after Neo (ASPLOS 2026)",
         "flicker" => "after FLICKER (DATE 2026)",
         "nycu" => "after NYCU's chip (TVCG 2026)",
         "cubed" => "an open renderer for an FPGA: Gaussians",
