@@ -228,6 +228,8 @@ struct SecondPass<'a> {
     from: u64,
     /// Tiles with an entry, and their positions in the queue.
     queue: VecDeque<(usize, usize)>,
+    /// The cycle in which the last tile was taken: the next one is behind it.
+    taken: u64,
     /// Sorters that work meanwhile.
     sorters: Option<Sorters<'a>>,
 }
@@ -424,6 +426,7 @@ impl<'a> SecondPass<'a> {
             lists,
             from,
             queue: queue.into_iter().enumerate().collect(),
+            taken: from,
             sorters: None,
         }
     }
@@ -536,7 +539,7 @@ impl<'a> SecondPass<'a> {
             Some(_) => Some(engine.free()),
             None => {
                 let (_, tile) = self.queue.front()?;
-                Some(engine.free().max(self.sorted(*tile)?))
+                Some(engine.free().max(self.sorted(*tile)?).max(self.taken))
             }
         };
         (engines.iter().enumerate())
@@ -555,7 +558,9 @@ impl<'a> SecondPass<'a> {
     fn begin(&mut self, engine: &mut Engine, stops: Option<&mut StopMap>) -> TileState {
         let t = &self.t.timing;
         let (turn, place) = self.queue.pop_front().unwrap_or_default();
-        engine.list_from = engine.list_from.max(self.sorted(place).unwrap_or(0));
+        let sorted = self.sorted(place).unwrap_or(0);
+        engine.list_from = engine.list_from.max(sorted).max(self.taken);
+        self.taken = engine.free();
         let corner = [place % self.lists.columns, place / self.lists.columns]
             .map(|at| at as u32 * t.tile.side_px);
         // The only engine can resolve a tile without stamps before its list is read.

@@ -650,6 +650,10 @@ fn sorters_tick_as_they_are_replayed() {
             } else {
                 scene
             };
+            let timing = match seed % 3 {
+                0 => machines::several(&mut rng, timing),
+                _ => timing,
+            };
             let machine = machines::sorting_lists(&mut rng, timing);
             let elaborated = machine.elaborate().unwrap().timing;
             match compare(&elaborated, &scene, &scene.record()) {
@@ -699,12 +703,7 @@ fn kept_lists_tick_as_they_are_replayed() {
                 0 => machines::several(&mut rng, timing),
                 _ => timing,
             };
-            let mut machine = machines::keeping_lists(&mut rng, timing);
-            // Several engines have no sorters that overlap: in a replay, an engine can take a tile
-            // before the one in front of it is sorted.
-            if seed % 3 == 0 {
-                machine.timing.sort.as_mut().unwrap().overlap = false;
-            }
+            let machine = machines::keeping_lists(&mut rng, timing);
             let elaborated = machine.elaborate().unwrap().timing;
             let (scene, words, cutoff) = match elaborated.bin {
                 Some(_) => scene.tested(&mut rng, &elaborated),
