@@ -1436,7 +1436,7 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(&["search"], "SCENE");
     refused(
         &["machine"],
-        "a command is missing: list, show, timing, clock, cost, unit-costs, prove, rtl, schema (see --help)",
+        "a command is missing: list, show, timing, clock, cost, unit-costs, prove, rtl, datapath, schema (see --help)",
     );
     refused(
         &["machine", "lits"],

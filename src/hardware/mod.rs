@@ -1,5 +1,6 @@
 //! Hardware: machine files, scenes as words, and the machine's frame.
 
+pub mod datapath;
 pub mod fixed;
 pub mod machines;
 pub mod quantise;

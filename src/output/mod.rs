@@ -2,7 +2,6 @@
 
 pub mod chart;
 pub mod colour;
-pub mod datapath;
 pub mod files;
 pub mod picture;
 pub mod progress;

@@ -16,9 +16,9 @@
 
 use crate::error::{Error, Result};
 use crate::explore::sweep::table::Table;
+use crate::hardware::datapath::{Layout, Placed};
 use crate::hardware::{fixed, machines};
 use crate::input;
-use crate::output::datapath::{Layout, Placed};
 use crate::output::text::plain;
 use rtl_model::Machine;
 use rtl_model::pipeline::rtl::{self, Words};

@@ -106,6 +106,44 @@ const machinePage = (report, datapaths, cycles, tiles) => {
   const datapathsOf = kind => {
     const graphs = datapaths.filter(one => one.unit === kind);
     if (!graphs.length) return [];
+    const attributed = report?.attribution ? ' dB: the error of the picture if this word alone is rounded.' : ' With run --attribute each word also shows its error.';
+    return [h('h3', {}, 'Datapath'), h('p', { class: 'faint' }, `Words from top to bottom, each below those that it is made from. The bar shows how many of its bits the frame needs, from the right; an orange frame marks words out of range.${attributed} A click shows the range of a word.`),
+      ...graphs.flatMap(graph => [graphs.length > 1 ? h('h4', {}, graph.name) : null, datapathOf(kind, graph)])];
+  };
+  const datapathOf = (kind, graph) => {
+    const BOX = 138, HIGH = 46, [wide, high] = graph.size_px, all = graph.words, named = new Map(all.map(word => [word.name, word]));
+    const edges = all.flatMap(word => word.from.map(name => [named.get(name), word])).filter(([from]) => from).map(([from, to]) => {
+      const [x, y, u, v] = [from.x, from.y + HIGH, to.x, to.y], bend = Math.max(18, Math.abs(v - y) / 2);
+      return { from, to, line: svg('path', { d: `M${x},${y}C${x},${y + bend} ${u},${v - bend} ${u},${v - 1}`, fill: 'none', stroke: 'var(--faint)', 'stroke-width': 1, opacity: 0.45 }) };
+    });
+    const light = word => edges.forEach(({ from, to, line }) => { const on = from === word || to === word; line.setAttribute('stroke', on ? 'var(--c0)' : 'var(--faint)'); line.setAttribute('stroke-width', on ? 2 : 1); line.setAttribute('opacity', on ? 1 : word ? 0.15 : 0.45); });
+    const boxes = all.map(word => {
+      const [unit, ...rest] = word.name.split('.'), name = unit === kind ? rest.join('.') : word.name;
+      const signal = report?.signals.find(one => `${one.unit}.${one.name}` === word.name || `${one.unit}.${one.name}` === word.name + '.result');
+      const error = report?.attribution?.words.find(one => one.name === word.name)?.alone, exact = error && !(error.psnr_db < 200);
+      const outside = signal ? signal.saturated_low + signal.saturated_high + signal.wrapped : 0;
+      const [, signed, integer, fraction] = /^([UI])(-?\d+)F(-?\d+)$/.exec(word.format ?? '') ?? [];
+      const places = Number(integer) + Number(fraction) - (signed === 'I' ? 1 : 0);
+      // Bits from the least place to the top of the greatest word.
+      const top = signal?.histogram.counts.length ? signal.histogram.first_log2 + signal.histogram.counts.length + Number(fraction) : 0;
+      const used = places > 0 ? Math.min(1, Math.max(0, top / places)) : 0;
+      const facts = [signal ? `${readable(signal.words)} words` : word.from.length ? 'not used in this frame' : 'input', top ? `${Math.min(places, top)} of ${places} bits used` : null, outside ? `${readable(outside)} out of range` : null, error ? (exact ? 'no error alone' : `${error.psnr_db.toFixed(1)} dB alone`) : null].filter(Boolean);
+      const shown = name.length > 20 ? name.slice(0, 19) + '…' : name;
+      const group = svg('g', { class: 'word', tabindex: 0, role: 'button', 'aria-label': `${word.name} ${word.format ?? ''}: ${facts.join(', ')}`, 'data-word': word.name },
+        svg('rect', { x: word.x - BOX / 2, y: word.y, width: BOX, height: HIGH, rx: 6, fill: word.from.length ? 'var(--raised)' : 'var(--ground)', stroke: outside ? 'var(--c1)' : 'var(--line)', 'stroke-width': outside ? 2 : 1, 'stroke-dasharray': !word.from.length || signal ? '' : '4 3' }),
+        textAt(word.x - BOX / 2 + 7, word.y + 16, shown), textAt(word.x - BOX / 2 + 7, word.y + 31, `${word.format ?? ''}${word.wires > 1 ? ` ×${word.wires}` : ''}`, 'faint'),
+        !error || exact ? null : textAt(word.x + BOX / 2 - 7, word.y + 31, `${error.psnr_db.toFixed(0)} dB`, 'faint', 'end'),
+        svg('rect', { x: word.x - BOX / 2 + 7, y: word.y + 36, width: BOX - 14, height: 4, fill: 'var(--line)', opacity: top ? 1 : 0 }),
+        svg('rect', { x: word.x + BOX / 2 - 7 - (BOX - 14) * used, y: word.y + 36, width: (BOX - 14) * used, height: 4, fill: 'var(--c0)' }));
+      const show = () => { const curve = detail.querySelector(`[data-signal="${CSS.escape(word.name)}"]`) ?? detail.querySelector(`[data-signal="${CSS.escape(word.name + '.result')}"]`); if (curve) { curve.open = true; curve.scrollIntoView({ block: 'center' }); } };
+      group.addEventListener('pointerenter', () => light(word));
+      group.addEventListener('focus', () => light(word));
+      group.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, h('b', {}, word.name), facts.join('; ')));
+      group.addEventListener('pointerleave', () => { light(null); tip.hide(); });
+      group.addEventListener('click', show);
+      group.addEventListener('keydown', event => { if (event.key === 'Enter' || event.key === ' ') { event.preventDefault(); show(); } });
+      return group;
+    });
     return svg('svg', { viewBox: `0 0 ${wide} ${high}`, width: wide, height: high, role: 'group', 'aria-label': `datapath of ${graph.name}`, class: 'datapath' }, edges.map(edge => edge.line), boxes);
   };
   const bars = entries => {
