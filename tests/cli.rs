@@ -544,6 +544,45 @@ fn a_frame_is_replayed_with_every_value_of_a_field() {
     );
 }
 
+/// A machine that keeps lists from frame to frame draws sequences. What draws frames alone says so.
+#[test]
+fn a_machine_that_keeps_lists_is_refused_where_frames_are_drawn_alone() {
+    let folder = folder();
+    let path = json!({
+        "splats": {"gaussians": "bouquet", "count": 50},
+        "camera_path": {"pan_pixels": 2, "frames": 3},
+        "image": {"width": 16, "height": 16},
+    });
+    let scene = write(&folder, "path.json", &path.to_string());
+    let out = folder.path().join("out");
+    let out = out.to_str().unwrap();
+    let search = [
+        "search",
+        &scene,
+        "--machine",
+        "neo",
+        "--target-psnr",
+        "20",
+        "--out",
+        out,
+    ];
+    refused(&search, "a search draws each of its views alone");
+    let kind = "sort.kind=incremental";
+    let compared = [
+        "compare", "gaussian", "gaussian", "--set-b", kind, "--scene", &scene,
+    ];
+    refused(&compared, "compare draws the first frame alone");
+    let axis = json!({"field": "sort.kind", "values": ["tile", "incremental"]});
+    let plan = json!({"machine": "gaussian", "scenes": [scene], "lockstep": false, "axes": [axis]});
+    let plan = write(&folder, "plan.json", &plan.to_string());
+    says(&["sweep", &plan, "--out", out, "--quiet"]);
+    let rows = std::fs::read_to_string(Path::new(out).join("sweep.csv")).unwrap();
+    let alone = rows
+        .lines()
+        .filter(|row| row.contains("a sweep draws the first frame alone"));
+    assert_eq!(alone.count(), 1, "{rows}");
+}
+
 /// Fields of lists change no picture, so that a frame is replayed with them too; each row is that
 /// of the run with the field set.
 #[test]

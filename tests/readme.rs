@@ -108,13 +108,62 @@ fn commands() -> Vec<String> {
         .collect()
 }
 
-/// Output of all commands of this tier, each run once. Some read files that others wrote.
+/// Output of all commands of this tier, each run once. Some read files that others wrote: these run
+/// one after the other, beside the others.
 static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let mine = commands().into_iter().filter(|arguments| is_run(arguments));
-    mine.map(|arguments| (arguments.clone(), splatsim(folder.path(), &arguments)))
-        .collect()
+    let all: Vec<String> = mine.collect();
+    let shared = written(&all);
+    let (chain, free): (Vec<String>, Vec<String>) = all
+        .into_iter()
+        .partition(|arguments| names(arguments).any(|name| shared.contains(name)));
+    let run = |commands: Vec<String>| -> Vec<(String, Printed)> {
+        let of = |arguments: String| {
+            let printed = splatsim(folder.path(), &arguments);
+            (arguments, printed)
+        };
+        commands.into_iter().map(of).collect()
+    };
+    std::thread::scope(|scope| {
+        let beside = scope.spawn(|| run(free));
+        let mut printed = run(chain);
+        printed.extend(beside.join().unwrap());
+        printed.into_iter().collect()
+    })
 });
+
+/// First parts of the paths in a command, and its other words.
+fn names(arguments: &str) -> impl Iterator<Item = &str> {
+    let words = arguments.split(' ');
+    words.filter_map(|word| word.split('/').next())
+}
+
+/// Files and folders that some of the commands write.
+fn written(commands: &[String]) -> BTreeSet<String> {
+    let mut all = BTreeSet::new();
+    for arguments in commands {
+        let words: Vec<&str> = arguments.split(' ').collect();
+        let writes = words.windows(2).filter(|pair| pair[0].starts_with("--"));
+        let paths = writes.filter(|pair| ["--out", "--record", "--export"].contains(&pair[0]));
+        all.extend(paths.filter_map(|pair| names(pair[1]).next().map(str::to_owned)));
+    }
+    all
+}
+
+#[test]
+fn commands_that_share_files_run_one_after_the_other() {
+    let commands = [
+        "run --out out --record out/w",
+        "replay out/w",
+        "run knot",
+        "chart rows/a",
+    ];
+    let commands = commands.map(str::to_owned);
+    let shared = written(&commands);
+    let is_shared = |at: usize| names(&commands[at]).any(|name| shared.contains(name));
+    assert_eq!([0, 1, 2, 3].map(is_shared), [true, true, false, false]);
+}
 
 fn splatsim(folder: &Path, arguments: &str) -> Printed {
     let mut command = assert_cmd::Command::new(program::PROGRAM.as_str());

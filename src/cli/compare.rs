@@ -124,6 +124,15 @@ impl CompareArgs {
             (None, Some(path)) => Some(SharedFrame::Recording(Box::new(Recording::read(path)?))),
             (None, None) => None,
         };
+        if let Some(SharedFrame::Scene(scene)) = &frame
+            && scene.is_of_sequence()
+        {
+            for side in &sides {
+                if let Operand::Machine(_, machine) = side {
+                    machines::draws_alone(machine, "compare draws the first frame alone")?;
+                }
+            }
+        }
         // Last: nothing is written if an argument is wrong.
         let out = self
             .out

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::hardware::datapath::Layout;
 use crate::hardware::machines::File;
 use crate::hardware::{fixed, machines};
-use crate::output::files::{Folder, Unwritten, write_all, write_beside};
+use crate::output::files::{Folder, Unwritten, write_as_one, write_beside};
 use crate::output::text::{aligned, one_line, plain_table};
 use crate::performance::clock;
 use crate::performance::cost;
@@ -193,6 +193,14 @@ fn prove(machine: &Machine, out: &Path) -> Result<String> {
     ))
 }
 
+/// Pictures that only some machines have.
+const OPTIONAL: [&str; 4] = [
+    "colour.svg",
+    "bin_splat.svg",
+    "bin_tile.svg",
+    "contribution.svg",
+];
+
 fn datapath(machine: &Machine, out: &Path) -> Result<String> {
     let graphs = words(&fixed::elaborate(machine)?);
     let _open = Folder::open(out)?;
@@ -218,7 +226,8 @@ fn datapath(machine: &Machine, out: &Path) -> Result<String> {
             }),
         ));
     }
-    write_all(files)?;
+    // Pictures of an earlier machine.
+    write_as_one(out, files, &OPTIONAL)?;
     Ok(format!(
         "{}\n\nwritten to {}",
         aligned(table).trim_fmt(),

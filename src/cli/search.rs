@@ -223,6 +223,7 @@ impl SearchArgs {
             .iter()
             .try_for_each(|domain| memory::check_frame(domain.scene()))?;
         let mut machine = self.common.machine(domains[0].scene())?;
+        machines::draws_alone(&machine, "a search draws each of its views alone")?;
         machines::pay(
             &mut machine,
             domains.iter().any(|domain| domain.scene().detail.is_some()),

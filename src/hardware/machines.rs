@@ -144,6 +144,21 @@ pub fn with(machine: &Machine, changes: &[(String, Value)], whose: &str) -> Resu
     checked(&value, whose)
 }
 
+/// Refuses a machine whose pictures depend on the frames before them, where frames of a sequence are
+/// drawn alone. `what` draws them.
+///
+/// # Errors
+/// [`Error::Input`] with what would be right.
+pub fn draws_alone(machine: &Machine, what: &str) -> Result<()> {
+    if machine.keeps_lists().is_none() {
+        return Ok(());
+    }
+    Err(Error::input(format!(
+        "machine {} keeps lists from frame to frame (sort.kind incremental), and {what}: draw the sequence with `run`, or let sort.kind be tile",
+        machine.name
+    )))
+}
+
 /// A machine that is part of a file.
 ///
 /// # Errors

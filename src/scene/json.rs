@@ -1023,7 +1023,7 @@ fn build(
     }
     if kind == SceneKind::Gaussians {
         if fields.sheets.order == Some(SheetOrder::BackToFront) {
-            return Err(input_error("sheets.order is \"back-to-front\", and Gaussians come front-to-back: a machine with fragment.sheets.composite, such as cubed, blends them from the back".into()));
+            return Err(input_error("sheets.order is \"back-to-front\", and Gaussians come front-to-back: leave it out; a machine with fragment.sheets.composite, such as cubed, sorts them from the back by itself".into()));
         }
         if fields.sheets.opacity == Some(OpacityLaw::Exponential) {
             return Err(input_error(

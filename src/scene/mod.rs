@@ -580,6 +580,11 @@ impl Scene {
         own.map_or(std::slice::from_ref(&self.camera), |path| &path.cameras)
     }
 
+    /// Whether it is a frame of a sequence with several.
+    pub fn is_of_sequence(&self) -> bool {
+        (self.path.as_ref()).is_some_and(|path| path.cameras.len() > 1)
+    }
+
     /// The cameras of the frames before this one; none for a single picture.
     pub fn cameras_before(&self) -> &[Camera] {
         match &self.path {

@@ -9,6 +9,7 @@ use splatsim::explore::search as searching;
 use splatsim::explore::search::Target;
 use splatsim::explore::search::crew::on_crew;
 use splatsim::explore::sweep as sweeping;
+use splatsim::hardware::machines::draws_alone;
 use splatsim::hardware::searched::Against;
 use splatsim::performance::cost::Prices;
 use std::path::PathBuf;
@@ -118,6 +119,7 @@ pub(crate) fn search(
             progress: false,
         };
         let scenes: Vec<_> = scenes.iter().map(|scene| (**scene).clone()).collect();
+        draws_alone(&machine, "a search draws each of its views alone")?;
         let search = || searching::run(&scenes, &machine, &folder, &options);
         match crew {
             Some(crew) => on_crew(Box::new(PythonCrew(crew)), search),

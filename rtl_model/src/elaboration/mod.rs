@@ -94,6 +94,14 @@ const MAX_EXACT_BITS: i32 = 62;
 /// Bits of an adder of exponents.
 pub const EXPONENT_BITS: i32 = 8;
 
+/// A number of bits in a sentence.
+fn counted_bits(count: i32) -> String {
+    match count {
+        1 => "1 bit".into(),
+        count => format!("{count} bits"),
+    }
+}
+
 impl Elaboration {
     /// A word on a port or at a multiplier: at most 32 bits.
     pub fn port(&mut self, unit: &'static str, name: &str, word: Word) {
@@ -112,7 +120,6 @@ impl Elaboration {
     /// Whether a port carries a word of this width. The suggestion has the sign that is needed.
     fn carried(&mut self, unit: &'static str, name: &str, word: Word, signed: bool) -> bool {
         let limit = |signed: bool| MAX_OPERAND_BITS - i32::from(!signed);
-        let Format { frac_bits, .. } = word.format;
         let is_carried = word.format.width() <= limit(word.format.signed);
         self.require(is_carried, || {
             let bits = if word.format.is_float() {
@@ -120,10 +127,14 @@ impl Elaboration {
             } else {
                 "bits"
             };
+            // The integer bits stay where they leave a bit, the others become fewer.
+            let sign = i32::from(signed);
+            let magnitude = word.format.int_bits - i32::from(word.format.signed);
+            let int_bits = magnitude.clamp(1, limit(signed) - sign - 1) + sign;
             let fits = Format {
                 signed,
-                int_bits: limit(signed) - frac_bits.min(limit(signed)),
-                frac_bits: frac_bits.min(limit(signed)),
+                int_bits,
+                frac_bits: limit(signed) - int_bits,
                 ..word.format
             };
             format!(
@@ -156,8 +167,8 @@ impl Elaboration {
     /// Checks the width of an exact result that is used without being fitted. `what` names it.
     pub fn holds_exact(&mut self, what: &str, exact: Exact) {
         self.require(exact.bits() <= MAX_EXACT_BITS, || {
-            let over = exact.bits() - MAX_EXACT_BITS;
-            format!("{what} needs {} bits, but {MAX_EXACT_BITS} can be held: {over} bits must be removed from its operands", exact.bits())
+            let over = counted_bits(exact.bits() - MAX_EXACT_BITS);
+            format!("{what} needs {} bits, but {MAX_EXACT_BITS} can be held: {over} must be removed from its operands", exact.bits())
         });
     }
 
@@ -301,9 +312,9 @@ impl Elaboration {
         let left = (word.format.frac_bits - from.frac_bits).max(0);
         if from.bits() > MAX_EXACT_BITS {
             self.errors.push(format!(
-                "{unit}.{name} is made from an exact result of {} bits, but {MAX_EXACT_BITS} can be held: {} bits must be removed from its operands",
+                "{unit}.{name} is made from an exact result of {} bits, but {MAX_EXACT_BITS} can be held: {} must be removed from its operands",
                 from.bits(),
-                from.bits() - MAX_EXACT_BITS
+                counted_bits(from.bits() - MAX_EXACT_BITS)
             ));
         }
         if left > 31 {
@@ -443,7 +454,9 @@ impl Elaboration {
     /// Checks that a word can represent 1.
     pub fn holds_one(&mut self, unit: &'static str, name: &str, word: Word) {
         let format = word.format;
-        self.require(format.max() >= format.one(), || {
+        // One that is too wide was refused, with a suggestion that holds 1.
+        let holds_one = format.max() >= format.one() || format.width() > MAX_OPERAND_BITS;
+        self.require(holds_one, || {
             let frac_bits = format.frac_bits.min(MAX_OPERAND_BITS - 2);
             let fits = Format {
                 int_bits: if format.signed { 2 } else { 1 },

@@ -626,8 +626,8 @@ pub struct Sort {
     /// The sort key: depth, machine units. Splats with equal keys stay in input order.
     pub key: Word,
     /// Bits of the tile index in front of the depth in the key of `radix`, 1 to 20: a picture has
-    /// at most 2^this tiles of 16×16 pixels, regardless of the machine's tile size. Left out, the
-    /// key is only the depth.
+    /// at most 2^this tiles of 16×16 pixels, or of the machine's tiles if they are smaller. Left
+    /// out, the key is only the depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tile_bits: Option<u32>,
     /// Bits of the key that one pass of the radix sort uses, 1 to 16; the other kinds do not use

@@ -223,7 +223,14 @@ impl Machine {
         if e.errors.is_empty() {
             Ok(elaborated)
         } else {
-            Err(std::mem::take(&mut e.errors))
+            // A word of three coordinates is refused once.
+            let mut errors: Vec<String> = Vec::new();
+            for error in std::mem::take(&mut e.errors) {
+                if !errors.contains(&error) {
+                    errors.push(error);
+                }
+            }
+            Err(errors)
         }
     }
 

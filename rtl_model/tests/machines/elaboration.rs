@@ -193,12 +193,12 @@ fn an_elaboration_error_names_the_signal_and_a_format_that_fits() {
         (
             "project.camera",
             "I4F36",
-            "project.camera is I4F36, 40 bits on a port that carries 32: I0F32 would fit",
+            "project.camera is I4F36, 40 bits on a port that carries 32: I4F28 would fit",
         ),
         (
             "gauss.weight",
             "FP16",
-            "gauss.weight is FP16, 41 bits from its sign to its last place on a port that carries 32: U7F24S11 would fit",
+            "gauss.weight is FP16, 41 bits from its sign to its last place on a port that carries 32: U16F15S11 would fit",
         ),
         (
             "shade.rgb",

@@ -79,10 +79,6 @@ pub struct TileSplats {
 impl TileSplats {
     /// Splats by their boxes on a machine; `None` if the machine cannot hold the view.
     pub fn of(view: &View, elaborated: &Elaborated) -> Option<Self> {
-        // A part of a scene has other lists than the whole, if they are kept from frame to frame.
-        if elaborated.machine.keeps_lists().is_some() && !view.scene.cameras_before().is_empty() {
-            return None;
-        }
         let quantised = quantise(&view.scene, &elaborated.machine).ok()?;
         let setup = set_up_unobserved(elaborated, &quantised.frame);
         let [width, height] = [view.golden.width, view.golden.height].map(|size| size as u16);

@@ -389,6 +389,10 @@ impl Stage {
         golden: &std::result::Result<Arc<GoldenPicture>, String>,
     ) -> Framed {
         let golden = golden.as_ref().map_err(String::clone)?;
+        if self.scene.is_of_sequence() {
+            machines::draws_alone(&point.machine, "a sweep draws the first frame alone")
+                .map_err(|error| error.to_string())?;
+        }
         let exact = plan::exact_of(&point.changes);
         if exact.is_empty() {
             self.drawn(&point.machine, golden)

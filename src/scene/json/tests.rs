@@ -530,7 +530,7 @@ fn errors_of_volumes_and_gaussians_have_the_field_and_the_reason() {
         ),
         (
             json!({"splats": {"gaussians": "bouquet"}, "sheets": {"order": "back-to-front"}}),
-            "sheets.order is \"back-to-front\", and Gaussians come front-to-back: a machine with fragment.sheets.composite, such as cubed, blends them from the back",
+            "sheets.order is \"back-to-front\", and Gaussians come front-to-back: leave it out; a machine with fragment.sheets.composite, such as cubed, sorts them from the back by itself",
         ),
         (
             json!({"splats": {"gaussians": "bouquet"}, "sheets": {"opacity": "exponential"}}),

@@ -183,7 +183,8 @@ impl Lists {
                 Some(kept) => kept.new.len() as u64,
                 None => self.boxes().entries() as u64,
             },
-            entries: self.entries() as u64,
+            // Without those of departed splats.
+            entries: self.listed.listed() as u64,
             masks,
         })
     }

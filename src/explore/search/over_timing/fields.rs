@@ -109,17 +109,6 @@ const LISTS: [&str; 8] = [
     "sort.digit_bits",
 ];
 
-/// Fields that decide the picture of a machine that keeps lists from frame to frame, or that it does
-/// not have.
-const OF_KEPT_LISTS: [&str; 6] = [
-    "timing.tile.side_px",
-    "timing.sort.buffer_entries",
-    "bin.test",
-    "bin.subtile_px",
-    "bin.masks",
-    "sort.kind",
-];
-
 /// The default fields that a machine has, with their values.
 pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
     let value = machines::value(machine);
@@ -150,8 +139,7 @@ pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
             && value.pointer(&place(unit)).is_some_and(Value::is_object)
     };
     let is_used = |field: &str| {
-        !(unused.contains(&field)
-            || machine.keeps_lists().is_some() && OF_KEPT_LISTS.contains(&field))
+        !unused.contains(&field)
             && (kind == SortKind::Hierarchical || field != "timing.sort.bucket_bits")
     };
     let there = FIELDS.iter().filter(|(field, _)| {
@@ -294,11 +282,6 @@ pub(super) fn knobs(machine: &Machine, fields: &[SearchedField]) -> Result<Vec<K
             .pointer(&machines::pointer(field))
             .cloned()
             .unwrap_or(Value::Null);
-        if machine.keeps_lists().is_some() && OF_KEPT_LISTS.contains(&field.as_str()) {
-            return Err(Error::input(format!(
-                "--fields: {field} decides the picture of a machine that keeps lists from frame to frame (sort.kind incremental): leave it out"
-            )));
-        }
         if field == "sort.kind" && own == json!(SortKind::None) {
             return Err(Error::input(format!(
                 "--fields: {field} is none, which sums Gaussians, and each other kind draws another picture: leave it out"
