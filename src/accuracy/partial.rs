@@ -296,12 +296,13 @@ impl<'a> MixedDrawing<'a> {
                 },
             )
         };
+        let lists = self.rules.lists?;
         // A first frame is sorted.
         if self.scene.cameras_before().is_empty() {
             return None;
         }
         let now: Vec<Listed> = footprints.iter().map(of).collect();
-        self.rules.lists?.order_after(self.scene, before, &now)
+        lists.order_after(self.scene, before, &now)
     }
 
     /// Draws footprints with the chosen words.

@@ -127,11 +127,12 @@ impl CompareArgs {
         if let Some(SharedFrame::Scene(scene)) = &frame
             && scene.is_of_sequence()
         {
-            for side in &sides {
-                if let Operand::Machine(_, machine) = side {
-                    machines::draws_alone(machine, "compare draws the first frame alone")?;
+            sides.iter().try_for_each(|side| match side {
+                Operand::Machine(_, machine) => {
+                    machines::draws_alone(machine, "compare draws the first frame alone")
                 }
-            }
+                Operand::Frame(_) => Ok(()),
+            })?;
         }
         // Last: nothing is written if an argument is wrong.
         let out = self

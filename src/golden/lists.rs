@@ -169,9 +169,10 @@ impl KeptLists {
         };
         let now: Vec<Listed> = footprints.iter().map(of).collect();
         if let Some(memory) = memory {
-            let is_sorted = scene.ellipsoids.as_ref()?.sorted;
             let size_px = [scene.image.width, scene.image.height];
-            return is_sorted.then(|| memory.next(self, size_px, scene.splats.len(), &now));
+            return scene
+                .is_sorted()
+                .then(|| memory.next(self, size_px, scene.splats.len(), &now));
         }
         let before = |earlier: &Scene| {
             let view = earlier.view();
@@ -193,7 +194,7 @@ impl KeptLists {
         mut before: impl FnMut(&Scene) -> Vec<Listed>,
         now: &[Listed],
     ) -> Option<TileOrder> {
-        if !scene.ellipsoids.as_ref()?.sorted {
+        if !scene.is_sorted() {
             return None;
         }
         let size_px = [scene.image.width, scene.image.height];

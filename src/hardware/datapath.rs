@@ -90,7 +90,7 @@ impl<'a> Layout<'a> {
         }
         let mut places: Vec<Option<[f64; 2]>> = vec![None; words.len()];
         let mut lines = 0;
-        for mut row in by_row.into_values() {
+        for row in by_row.into_values() {
             // Below the middle of its sources; inputs come first.
             let middle = |number: usize| {
                 let above: Vec<f64> = (links[number].sources.iter())
@@ -102,7 +102,7 @@ impl<'a> Layout<'a> {
                     above.iter().sum::<f64>() / above.len() as f64
                 }
             };
-            let mut keyed: Vec<(f64, usize)> = row.drain(..).map(|at| (middle(at), at)).collect();
+            let mut keyed: Vec<(f64, usize)> = row.into_iter().map(|at| (middle(at), at)).collect();
             keyed.sort_by(|one, other| one.0.total_cmp(&other.0).then(one.1.cmp(&other.1)));
             for line in keyed.chunks(ACROSS) {
                 let left = (ACROSS - line.len()) as f64 * (BOX[0] + GAP) / 2.0;

@@ -33,8 +33,7 @@ pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
 /// # Errors
 /// As [`quantise`](super::quantise::quantise).
 pub fn lists_before(scene: &Scene, machine: &Machine) -> Result<ListsBefore> {
-    let is_sorted = (scene.ellipsoids.as_ref()).is_some_and(|ellipsoids| ellipsoids.sorted);
-    if machine.keeps_lists().is_none() || !is_sorted || scene.cameras_before().is_empty() {
+    if machine.keeps_lists().is_none() || !scene.is_sorted() || scene.cameras_before().is_empty() {
         return Ok(None);
     }
     let elaborated = elaborate(machine)?;

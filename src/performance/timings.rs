@@ -191,13 +191,10 @@ impl Variants {
         }
         let base = machine;
         let built = |(values, machine): (Vec<String>, Machine)| {
-            let elaborated = fixed::elaborate(&machine)
-                .and_then(|built| {
-                    draws_as(&machine, base)
-                        .map_err(Error::input)
-                        .map(|()| built)
-                })
-                .map_err(|error| Error::input(format!("{}: {error}", flag(&paths, &values))))?;
+            let sentence = |what| Error::input(format!("{}: {what}", flag(&paths, &values)));
+            let elaborated =
+                fixed::elaborate(&machine).map_err(|error| sentence(error.to_string()))?;
+            draws_as(&machine, base).map_err(sentence)?;
             Ok(Variant {
                 values,
                 machine,
@@ -225,13 +222,12 @@ impl Variants {
     /// [`Error::Input`] naming the first machine that cannot, and what it needs.
     pub fn check_scene(&self, scene: &Scene) -> Result<()> {
         let size = [scene.image.width, scene.image.height];
-        let is_sorted = (scene.ellipsoids.as_ref()).is_some_and(|ellipsoids| ellipsoids.sorted);
         self.check(|machine| {
             if let Some(detail) = &scene.detail {
                 holds_stack(machine.timing.walk, detail.cut.deepest as u64)?;
             }
             lacks_tile_bits(machine, size)
-                .filter(|_| is_sorted)
+                .filter(|_| scene.is_sorted())
                 .map_or(Ok(()), Err)
         })
     }

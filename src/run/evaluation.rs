@@ -75,13 +75,8 @@ impl<'a> Evaluation<'a> {
     /// # Errors
     /// [`crate::error::Error::Input`] if the machine cannot hold the scene.
     pub fn on(scene: &'a Scene, machine: &'a Elaborated) -> Result<Self> {
-        let scene = detail::within_budget(scene, machine)?;
-        let quantised = quantise(&scene, &machine.machine)?;
-        Ok(Evaluation {
-            scene,
-            machine: Cow::Borrowed(machine),
-            quantised,
-        })
+        let lists = fixed::lists_before(scene, &machine.machine)?;
+        Evaluation::after(scene, machine, lists)
     }
 
     /// The next frame of a sequence on a machine that is already elaborated; `lists` is what it has

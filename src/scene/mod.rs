@@ -573,11 +573,15 @@ impl Scene {
     /// All cameras of the sequence that the scene is a frame of. A scene that is not seen by the
     /// camera of its frame is a single picture.
     pub fn cameras_of_path(&self) -> &[Camera] {
-        let own = self
-            .path
+        self.own_path()
+            .map_or(std::slice::from_ref(&self.camera), |path| &path.cameras)
+    }
+
+    /// The sequence that it is a frame of, if the camera of its frame sees it.
+    fn own_path(&self) -> Option<&FramePath> {
+        self.path
             .as_ref()
-            .filter(|path| path.cameras.get(path.frame) == Some(&self.camera));
-        own.map_or(std::slice::from_ref(&self.camera), |path| &path.cameras)
+            .filter(|path| path.cameras.get(path.frame) == Some(&self.camera))
     }
 
     /// Whether it is a frame of a sequence with several.
@@ -587,12 +591,13 @@ impl Scene {
 
     /// The cameras of the frames before this one; none for a single picture.
     pub fn cameras_before(&self) -> &[Camera] {
-        match &self.path {
-            Some(path) if path.cameras.get(path.frame) == Some(&self.camera) => {
-                &path.cameras[..path.frame]
-            }
-            _ => &[],
-        }
+        self.own_path()
+            .map_or(&[], |path| &path.cameras[..path.frame])
+    }
+
+    /// Whether its splats are sorted by depth before they are drawn.
+    pub fn is_sorted(&self) -> bool {
+        (self.ellipsoids.as_ref()).is_some_and(|ellipsoids| ellipsoids.sorted)
     }
 
     /// Whether each splat is a Gaussian that is blended separately.

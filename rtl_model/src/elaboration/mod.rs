@@ -451,7 +451,7 @@ impl Elaboration {
         }
     }
 
-    /// Checks that a word can represent 1.
+    /// Checks that a word on a port can represent 1.
     pub fn holds_one(&mut self, unit: &'static str, name: &str, word: Word) {
         let format = word.format;
         // One that is too wide was refused, with a suggestion that holds 1.

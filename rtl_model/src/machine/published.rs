@@ -122,43 +122,40 @@ pub(super) fn gscore() -> Machine {
 /// that `list` makes.
 pub(super) fn neo() -> Machine {
     let base = sorted(tested_half(), SortKind::Incremental);
-    let t = base.timing;
+    let Machine {
+        timing: gscore,
+        bin,
+        ..
+    } = gscore();
     let side_px = 64;
-    let chunk = 256;
     Machine {
         name: "neo".into(),
         sort: base.sort.map(|sort| Sort {
             incremental: Some(Incremental {
                 tile_px: side_px,
-                chunk,
+                ..Incremental::default()
             }),
             ..sort
         }),
-        bin: Some(Bin {
-            test: BinTest::OrientedBox,
-            subtile_px: Some(8),
+        bin: bin.map(|bin| Bin {
             masks: Some(MaskMaker::List),
-            mask_tests: Some(4),
-            tiles_per_cycle: Some(2),
+            ..bin
         }),
         timing: Timing {
-            clock_hz: 1_000_000_000,
-            engines: Some(4),
-            project: setup(t.project, 4, 16),
-            ellipse: setup(t.ellipse, 4, 64),
-            sort: Some(Sorter {
+            sort: gscore.sort.map(|sorter| Sorter {
                 units: 16,
-                buffer_entries: chunk,
-                network: 16,
                 bucket_bits: None,
-                overlap: true,
+                ..sorter
             }),
+            raster: RasterTiming {
+                lanes: [8, 8],
+                ..gscore.raster
+            },
             tile: Tile {
                 side_px,
-                buffers: 2,
-                clear_cycles: None,
+                ..gscore.tile
             },
-            ..in_tiles(t, [8, 8])
+            ..gscore
         },
         ..base
     }

@@ -406,10 +406,8 @@ pub fn files(elaborated: &Elaborated, frame: &Frame) -> Vec<Listing> {
     );
     files.extend(writer.unit(&gauss(elaborated)));
     files.extend(datapaths(elaborated).into_iter().map(|datapath| Listing {
-        text: writer.head(&format!(
-            "Arithmetic of {}",
-            datapath.name.replace("_datapath", "")
-        )) + &datapath.module.text,
+        text: writer.head(&format!("Arithmetic of {}", datapath.words.name))
+            + &datapath.module.text,
         name: format!("{}.sv", datapath.name),
     }));
     files

@@ -4,7 +4,6 @@
 use super::lists::{Drawn, ListShape, after, merged};
 use super::shading::{EmitEight, emitted, emitting};
 use super::{Culled, Elaborated, run};
-use crate::frame::lists::Sides;
 use crate::frame::{Ellipsoids, Frame, KeptLists, Orientation, Splat};
 use crate::functions::Table;
 use crate::graph::{BATCH, Batch, Program, ROWS, Run};
@@ -17,7 +16,6 @@ use crate::units::colour::{Colour, coefficients};
 use crate::units::ellipse::Ellipse;
 use crate::units::fragment::window::WindowRegisters;
 use crate::units::{ellipse, project, raster, shade};
-use crate::work::lists::{clipped, touches};
 use crate::work::{Bins, CULLED, MergedLists, TestedWords};
 use rayon::prelude::*;
 
@@ -70,7 +68,7 @@ struct Lists {
     merged: MergedLists,
     /// The drawn splats of the frame.
     drawn: Vec<Drawn>,
-    /// Of each splat of the frame what a bin calls it; [`u32::MAX`] if it was culled.
+    /// What a bin calls each splat of the frame; [`u32::MAX`] if it was culled.
     entries: Vec<u32>,
 }
 
@@ -202,9 +200,12 @@ impl Setup {
     /// Which splats' boxes touch which tile, in the order in which they are drawn.
     pub(super) fn bins(&self, size_px: [u32; 2]) -> Bins {
         if let Some(lists) = &self.lists {
-            return lists.bins(size_px, |entry| {
-                self.boxes[entry as usize / BLOCK_SPLATS][entry as usize % BLOCK_SPLATS]
-            });
+            let drawn = |splat: u32| {
+                let entry = lists.entries[splat as usize];
+                let sides = self.boxes.get(entry as usize / BLOCK_SPLATS)?;
+                Some((entry, sides[entry as usize % BLOCK_SPLATS]))
+            };
+            return lists.merged.bins(size_px, TILE_PX, drawn);
         }
         if self.order.is_empty() {
             return Bins::new(
@@ -221,24 +222,6 @@ impl Setup {
             TILE_PX,
             self.order.iter().map(|&number| (number, sides(number))),
         )
-    }
-}
-
-impl Lists {
-    /// The lists by tiles of the simulator, each in the order of the machine's tile around it.
-    fn bins(&self, size_px: [u32; 2], sides: impl Fn(u32) -> Sides + Copy) -> Bins {
-        let (tile_px, entries) = (self.merged.tile_px, &self.entries);
-        let columns = size_px[0].div_ceil(tile_px) as usize;
-        let listed = self.merged.tiles.iter().enumerate();
-        let listed = listed.flat_map(move |(tile, list)| {
-            let drawn = list.splats.iter().filter_map(move |splat| {
-                let entry = entries[*splat as usize];
-                (entry != u32::MAX).then_some(entry)
-            });
-            let here = drawn.filter(move |entry| touches(sides(*entry), tile, tile_px, columns));
-            here.map(move |entry| (entry, clipped(sides(entry), tile, tile_px, columns)))
-        });
-        Bins::new(size_px, TILE_PX, listed)
     }
 }
 

@@ -18,7 +18,7 @@ mod sound;
 
 pub use lists::{MergedList, MergedLists};
 
-use lists::{clipped, touches};
+use lists::touches;
 
 use serde::{Deserialize, Serialize};
 
@@ -343,7 +343,11 @@ impl Work {
     /// The drawn splats by tiles with this side: their indices in [`Work::footprints`].
     pub fn bins(&self, side_px: usize) -> Bins {
         if let Some(lists) = &self.lists {
-            return self.bins_of(lists, side_px);
+            let drawn = |splat| {
+                let nth = self.drawn(splat)?;
+                Some((nth, self.footprints[nth as usize].sides()))
+            };
+            return lists.bins([self.width, self.height], side_px, drawn);
         }
         let input = 0..if self.order.is_empty() {
             self.footprints.len() as u32
@@ -358,26 +362,6 @@ impl Work {
         )
     }
 
-    /// [`Work::bins`] of kept lists: each tile in the order of the list of the machine's tile around
-    /// it. Splats that have departed from the list are left out.
-    fn bins_of(&self, lists: &MergedLists, side_px: usize) -> Bins {
-        let size_px = [self.width, self.height];
-        let (tile_px, columns) = (lists.tile_px, self.width.div_ceil(lists.tile_px) as usize);
-        let entries = lists
-            .tiles
-            .iter()
-            .enumerate()
-            .flat_map(move |(tile, list)| {
-                let drawn = list.splats.iter().filter_map(|splat| self.drawn(*splat));
-                drawn.filter_map(move |nth| {
-                    let sides = self.footprints[nth as usize].sides();
-                    touches(sides, tile, tile_px, columns)
-                        .then(|| (nth, clipped(sides, tile, tile_px, columns)))
-                })
-            });
-        Bins::new(size_px, side_px, entries)
-    }
-
     /// Kept lists with all entries: indices among the drawn splats, and [`DEPARTED`] for those that
     /// have departed from the list.
     pub fn kept_bins(&self) -> Option<Bins> {
@@ -387,11 +371,8 @@ impl Work {
         let (mut starts, mut entries) = (vec![0], Vec::new());
         for (tile, list) in lists.tiles.iter().enumerate().take(columns * rows) {
             entries.extend(list.splats.iter().map(|splat| {
-                let drawn = self.drawn(*splat).filter(|nth| {
-                    let sides = self.footprints[*nth as usize].sides();
-                    touches(sides, tile, lists.tile_px, columns)
-                });
-                drawn.unwrap_or(DEPARTED)
+                self.drawn_in(*splat, tile, lists.tile_px)
+                    .unwrap_or(DEPARTED)
             }));
             starts.push(entries.len());
         }
@@ -401,6 +382,15 @@ impl Work {
             rows,
             starts,
             entries,
+        })
+    }
+
+    /// The index of a splat among the drawn ones, if its box touches a tile with this side.
+    fn drawn_in(&self, splat: u32, tile: usize, tile_px: u32) -> Option<u32> {
+        let columns = self.width.div_ceil(tile_px) as usize;
+        self.drawn(splat).filter(|nth| {
+            let sides = self.footprints[*nth as usize].sides();
+            touches(sides, tile, tile_px, columns)
         })
     }
 

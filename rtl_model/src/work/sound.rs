@@ -3,7 +3,6 @@
 //! Laws (tests/recording.rs of the bench): `a_record_that_is_read_is_the_one_that_was_written`,
 //! `no_damage_is_taken_for_a_record`.
 
-use super::lists::touches;
 use super::{CullReason, Event, Footprint, Found, TILE_PX, Tile, Visit, Work};
 
 /// Greatest side of a picture, pixels.
@@ -109,12 +108,7 @@ impl Work {
                 splats.windows(2).all(|pair| pair[0] < pair[1]) && splats.iter().all(is_known),
                 "a list has a splat twice, or one that is not there",
             )?;
-            let is_here = |splat: u32| {
-                self.drawn(splat).is_some_and(|nth| {
-                    let sides = self.footprints[nth as usize].sides();
-                    touches(sides, tile, lists.tile_px, columns)
-                })
-            };
+            let is_here = |splat| self.drawn_in(splat, tile, lists.tile_px).is_some();
             let mut new = list.splats.iter().zip(&list.new).filter(|(_, new)| **new);
             require(
                 list.new.len() == list.splats.len() && new.all(|(splat, _)| is_here(*splat)),

@@ -104,13 +104,15 @@ impl Lists {
     /// tile of a box.
     pub fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let side_px = timing.timing.tile.side_px as usize;
+        let shape = timing
+            .bin
+            .filter(|_| work.tested.len() == work.footprints.len());
+        let blocks = timing.contribution.and_then(|blocks| blocks.masks);
         if let Some(listed) = work.kept_bins().filter(|_| timing.keeps_lists()) {
-            let blocks = timing.contribution.and_then(|blocks| blocks.masks);
-            let of_bin = (timing.bin).filter(|_| work.tested.len() == work.footprints.len());
             return Lists {
                 masks: match blocks {
                     Some(shape) => Some(EntryMasks::recorded(shape, work, &listed, side_px)),
-                    None => of_bin.and_then(|of| EntryMasks::kept(&of, work, &listed, side_px)),
+                    None => shape.and_then(|of| EntryMasks::kept(&of, work, &listed, side_px)),
                 },
                 kept: Kept::new(work, &listed, side_px),
                 listed,
@@ -119,10 +121,6 @@ impl Lists {
             };
         }
         let boxes = work.bins(side_px);
-        let shape = timing
-            .bin
-            .filter(|_| work.tested.len() == work.footprints.len());
-        let blocks = timing.contribution.and_then(|blocks| blocks.masks);
         let Some(shape) = shape else {
             return Lists {
                 masks: blocks.map(|shape| EntryMasks::recorded(shape, work, &boxes, side_px)),

@@ -252,7 +252,7 @@ fn check(fields: &[SearchedField]) -> std::result::Result<(), String> {
             return Err(format!("{field} has no values"));
         }
         if field == "sort.kind" && values.contains(&json!(SortKind::Incremental)) {
-            return Err("sort.kind incremental changes the picture: --set sort.kind=incremental sets it for the whole search".into());
+            return Err("sort.kind incremental keeps lists from frame to frame, and a search draws each of its views alone: leave it out".into());
         }
         if field == "sort.kind" && values.contains(&json!(SortKind::None)) {
             return Err(
