@@ -387,6 +387,40 @@ fn a_record_is_replayed_on_both_machines() {
 }
 
 #[test]
+fn fields_of_lists_can_differ_in_a_replay() {
+    let (scene, record) = (MADE.text("bouquet.json"), MADE.text("bouquet.work"));
+    std::fs::write(
+        &scene,
+        r#"{"splats": {"gaussians": "bouquet", "count": 2000}}"#,
+    )
+    .unwrap();
+    let drawn = ["run", &scene, "--machine", "gaussian", "--size", "48x32"];
+    let unchecked = ["--check", "none", "--quiet", "--record", &record];
+    assert_eq!(says(&[&drawn[..], &unchecked].concat()), "");
+    let field = "sort.kind=tile";
+    let sides = ["gaussian", "gaussian", "--replay", &record, "--set-b"];
+    let both = compared(&[&sides[..], &[field]].concat());
+    let alone = MADE.text("tile");
+    says(&["replay", &record, "--set", field, "--out", &alone]);
+    let alone = json_of(&MADE.path("tile/cycles.json"));
+    let figures = both["figures"].as_array().unwrap();
+    let cycles = figures
+        .iter()
+        .find(|figure| figure["path"] == "cycles.total");
+    let cycles = cycles.unwrap();
+    assert_eq!(cycles["b"], alone["total"]);
+    assert_ne!(cycles["a"], cycles["b"]);
+    refused(
+        &[&["compare"], &sides[..], &["sort.kind=none"]].concat(),
+        &["sort.kind=none", "different pictures"],
+    );
+    refused(
+        &[&["compare"], &sides[..], &["sort.key=U1F9"]].concat(),
+        &["sort.key=U1F9", "--scene"],
+    );
+}
+
+#[test]
 fn equal_pictures_and_pixels_of_nan_have_no_decibels() {
     let (equal, broken) = (
         json!({"psnr_db": null}),

@@ -55,6 +55,7 @@ impl Folder {
             return Err(cannot(path, "it is a file, and a folder is needed"));
         }
         let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        let mut missing = None;
         for _ in 0..TRIES {
             let mut made: Vec<PathBuf> = path
                 .ancestors()
@@ -71,6 +72,7 @@ impl Folder {
             match fs::create_dir_all(path) {
                 Ok(()) => {}
                 Err(error) if error.kind() == ErrorKind::NotFound && !made.is_empty() => {
+                    missing = Some(error);
                     std::thread::sleep(Duration::from_millis(1));
                     continue;
                 }
@@ -97,7 +99,11 @@ impl Folder {
                     .map_err(|error| cannot(path, &error.to_string()));
             }
         }
-        Err(cannot(path, "other processes remove it again and again"))
+        let reason = missing.map_or_else(
+            || "other processes remove it again and again".into(),
+            |error| format!("the folder cannot be made: {error}"),
+        );
+        Err(cannot(path, &reason))
     }
 }
 

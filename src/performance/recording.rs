@@ -31,7 +31,7 @@ use crate::performance::timings::{
 use crate::scene::MOST_PIXELS;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::BinWords;
-use rtl_model::machine::SortKind;
+use rtl_model::machine::{Sort, SortKind};
 use rtl_model::num::Word;
 use rtl_model::timing::{Detail, RecordedFrame};
 use rtl_model::work::{TestedWords, Work};
@@ -273,11 +273,43 @@ impl Recording {
             )));
         }
         let machine = machines::changed(&self.machine, setting, &flag)?;
-        self.can_time(&machine)
-            .and_then(|()| draws_as(&machine, &self.machine))
+        self.can_replay(&machine)
             .map_err(|what| Error::input(format!("{flag}: {what}")))?;
         self.machine = machine;
         Ok(())
+    }
+
+    /// Checks that the record can be replayed on another machine: it differs only in fields that
+    /// [`Recording::set`] accepts, and the record has what it needs.
+    ///
+    /// # Errors
+    /// A sentence.
+    pub fn can_replay(&self, machine: &Machine) -> std::result::Result<(), String> {
+        draws_as(machine, &self.machine)?;
+        let sort = self
+            .machine
+            .sort
+            .zip(machine.sort)
+            .map(|(own, other)| Sort {
+                kind: other.kind,
+                tile_bits: other.tile_bits,
+                digit_bits: other.digit_bits,
+                ..own
+            });
+        let replayed = Machine {
+            name: machine.name.clone(),
+            timing: machine.timing,
+            bin: machine.bin,
+            sort: sort.or(self.machine.sort),
+            ..self.machine.clone()
+        };
+        if replayed != *machine {
+            return Err(format!(
+                "differs from the recorded machine outside `timing` and {}: draw the scene on it, with --scene",
+                fields_of_lists()
+            ));
+        }
+        self.can_time(machine)
     }
 
     /// Checks that the record has what the machine, with its own timing and each other value of it,

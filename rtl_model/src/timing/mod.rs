@@ -41,7 +41,7 @@ mod tiles;
 mod walk;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
-pub use binned::batched::replay_all;
+pub use binned::batched::{MOST_OF_A_BATCH, replay_all, stamp_order};
 pub use binned::{Lists, MaskCounts, TileTests};
 pub use frame::RecordedFrame;
 pub use limit::{Limit, Limited, limit, limits, most_gained};

@@ -36,7 +36,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::{Sort, SortKind};
 use rtl_model::pipeline::Elaborated;
-use rtl_model::timing::{Cycles, Detail, RecordedFrame};
+use rtl_model::timing::{Cycles, Detail, MOST_OF_A_BATCH, RecordedFrame, stamp_order};
 use rtl_model::work::Work;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
@@ -68,6 +68,9 @@ pub(super) struct Point {
     machine: Machine,
     /// A digest of everything that determines the row.
     pub key: String,
+    /// Number of its stamp order among those of its group: only machines with the same one are
+    /// replayed as a batch.
+    order: usize,
 }
 
 impl Point {
@@ -99,6 +102,7 @@ impl Point {
             changes,
             machine,
             key: digest(Value::Array(all).to_string().as_bytes()),
+            order: 0,
         })
     }
 
@@ -136,6 +140,8 @@ pub struct Stage {
     nth: usize,
     scene: Scene,
     head: Head,
+    /// Whether machines of one frame can test tiles or sort in different ways.
+    changes_lists: bool,
     ideal: Picture,
     /// The following frames, for flicker.
     film: Vec<Picture>,
@@ -173,7 +179,7 @@ const GOLDENS: usize = 16;
 const FRAMES: usize = 2;
 /// Points of one frame per thread whose rows are written together, first and at most: the loss if
 /// the sweep is killed.
-const REPLAYED_TOGETHER: [usize; 2] = [4, 32];
+const REPLAYED_TOGETHER: [usize; 2] = [MOST_OF_A_BATCH, 8 * MOST_OF_A_BATCH];
 /// Target interval between writes of rows and lines of progress, seconds.
 const ROWS_EVERY: f64 = 5.0;
 
@@ -191,7 +197,13 @@ impl Stage {
             Kept::new(FRAMES),
         );
         let replays = Replays::default();
+        let changes_lists = points.columns().iter().any(|(field, _)| {
+            ["bin", "sort"]
+                .iter()
+                .any(|unit| machines::is_below(field, unit))
+        });
         Stage {
+            changes_lists,
             points: points.clone(),
             prices: *prices,
             nth,
@@ -236,12 +248,12 @@ impl Stage {
                     .try_for_each(|(number, row)| each(number, row))?;
                 let mut together = first;
                 while !rest.is_empty() {
-                    let (now, later) = rest.split_at(together.min(rest.len()));
+                    let (now, later) = rest.split_at(whole_batches(rest, together));
                     let (rows, taken) = timed(|| self.rows(now, &frame, seconds));
                     rows.into_iter()
                         .try_for_each(|(number, row)| each(number, row))?;
                     together =
-                        ((now.len() as f64 * ROWS_EVERY / taken) as usize).clamp(threads, most);
+                        ((now.len() as f64 * ROWS_EVERY / taken) as usize).clamp(first, most);
                     rest = later;
                 }
             }
@@ -256,7 +268,7 @@ impl Stage {
             let (frame, seconds) = timed(frame);
             let (seconds, (first, rest)) = (
                 seconds / group.len() as f64,
-                group.split_at(group.len().min(most)),
+                group.split_at(whole_batches(group, most)),
             );
             Begun {
                 rows: self.rows(first, &frame, seconds),
@@ -282,9 +294,11 @@ impl Stage {
             .collect()
     }
 
-    /// Groups points with the same frame.
+    /// Groups points with the same frame. In a group, points that can be replayed as a batch follow
+    /// each other.
     fn groups(&self, numbers: &[u64]) -> Result<Vec<Vec<Point>>> {
         let mut groups: Vec<Vec<Point>> = Vec::new();
+        let mut orders: Vec<BTreeMap<String, usize>> = Vec::new();
         let mut places = BTreeMap::new();
         for number in numbers {
             if *number >= self.points.count() || self.points.point(*number).0 != self.nth {
@@ -293,14 +307,21 @@ impl Stage {
                     self.scene.name
                 )));
             }
-            let point = Point::new(&self.points, &self.prices, &self.head, *number)?;
+            let mut point = Point::new(&self.points, &self.prices, &self.head, *number)?;
             let place = *places
                 .entry(point.formats(&self.points))
                 .or_insert(groups.len());
             if place == groups.len() {
                 groups.push(Vec::new());
+                orders.push(BTreeMap::new());
             }
+            let next = orders[place].len();
+            let order = format!("{:?}", stamp_order(&point.machine));
+            point.order = *orders[place].entry(order).or_insert(next);
             groups[place].push(point);
+        }
+        for group in &mut groups {
+            group.sort_by_key(|point| point.order);
         }
         Ok(groups)
     }
@@ -407,7 +428,8 @@ impl Stage {
         golden: &GoldenPicture,
     ) -> std::result::Result<DrawnFrame, String> {
         let mut elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
-        elaborated.records_choices = true;
+        // Words that are recorded for other tests would differ where the work is otherwise equal.
+        elaborated.records_choices = self.changes_lists;
         let evaluation =
             Evaluation::on(&self.scene, &elaborated).map_err(|error| error.to_string())?;
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
@@ -529,6 +551,20 @@ impl Stage {
             golden_seconds: golden.seconds,
         })
     }
+}
+
+/// Number of points, at most `most`, that make only whole batches, apart from the last batch of a
+/// stamp order.
+fn whole_batches(points: &[Point], most: usize) -> usize {
+    if points.len() <= most {
+        return points.len();
+    }
+    let ends_a_batch = |end: &usize| {
+        let order = points[*end].order;
+        let same = points[..*end].iter().rev();
+        same.take_while(|point| point.order == order).count() % MOST_OF_A_BATCH == 0
+    };
+    (1..=most).rev().find(ends_a_batch).unwrap_or(most)
 }
 
 /// Why the machine of a point cannot be built, if it cannot.

@@ -83,8 +83,8 @@ impl ComparisonSide {
     /// A frame on a machine.
     ///
     /// # Errors
-    /// [`Error::Input`] if it cannot be built, cannot hold the scene, or differs from the recorded
-    /// machine outside `timing`.
+    /// [`Error::Input`] if it cannot be built, cannot hold the scene, or the record cannot be
+    /// replayed on it.
     pub fn of_frame(
         name: &str,
         machine: &Machine,
@@ -136,17 +136,9 @@ impl ComparisonSide {
         recording: &Recording,
         prices: &Prices,
     ) -> Result<Self> {
-        let same = Machine {
-            name: machine.name.clone(),
-            timing: machine.timing,
-            ..recording.machine.clone()
-        };
-        if same != *machine {
-            let sentence = format!(
-                "{name}: differs from the recorded machine outside `timing`: draw the scene on it, with --scene"
-            );
-            return Err(Error::input(sentence));
-        }
+        recording
+            .can_replay(machine)
+            .map_err(|what| Error::input(format!("{name}: {what}")))?;
         let built = fixed::elaborate(machine).map_err(|error| with_name(name, error))?;
         let work = &recording.work;
         let cycles = timing::replay(&built.timing, work, Detail::Histograms);

@@ -19,7 +19,8 @@ use super::{Engine, Listed, Lists, SecondPass, TileState};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::kernels::host::{Kernel, vectorised};
-use crate::machine::timing::Organisation;
+use crate::machine::Machine;
+use crate::machine::timing::{Organisation, Timing};
 use crate::num::lanes::{LANES, Lanes};
 use crate::timing::frame::RecordedFrame;
 use crate::timing::{Cycles, replay_on};
@@ -27,19 +28,23 @@ use crate::work::{Footprint, TILE_PX, Work};
 use rayon::prelude::*;
 use std::array;
 use std::collections::VecDeque;
+use std::fmt::Debug;
 
 /// Whether two machines have the same stamps in the same order, one tile at a time.
 fn are_alike(one: &Microarchitecture, other: &Microarchitecture) -> bool {
-    let order = |t: &Microarchitecture| {
-        (
-            t.timing.organisation,
-            t.timing.tile.side_px,
-            t.timing.queue,
-            t.timing.raster.lanes,
-            t.bin.map(|bin| bin.words),
-        )
-    };
-    order(one) == order(other)
+    let words = |t: &Microarchitecture| t.bin.map(|bin| bin.words);
+    of_timing(&one.timing) == of_timing(&other.timing) && words(one) == words(other)
+}
+
+/// Fields of timing that decide the order of stamps.
+fn of_timing(t: &Timing) -> impl PartialEq + Debug {
+    (t.organisation, t.tile.side_px, t.queue, t.raster.lanes)
+}
+
+/// Machines whose values differ are never in one batch ([`replay_all`]). It contains the fields
+/// that decide the order of stamps.
+pub fn stamp_order(machine: &Machine) -> impl PartialEq + Debug {
+    (of_timing(&machine.timing), machine.bin)
 }
 
 /// Whether a machine can be batched, for a frame without reflections and stops.
@@ -54,6 +59,8 @@ fn can_be_batched(timing: &Microarchitecture) -> bool {
         && is_plain
 }
 
+/// Most machines of a batch.
+pub const MOST_OF_A_BATCH: usize = LANES;
 /// Smaller batches are not faster than single replays.
 const FEWEST: usize = 4;
 

@@ -161,6 +161,42 @@ fn rows_of_one_frame_come_before_all_of_it_is_replayed() {
     );
 }
 
+/// Of machines with other stamps in turn, as a grid has them, whole batches are replayed.
+#[test]
+fn points_that_can_be_replayed_as_a_batch_follow_each_other() {
+    let planned = Planned::new(
+        "torus-knot",
+        json!({"axes": [
+            {"field": "timing.raster.fifo", "range": [1, 20, 1]},
+            {"field": "timing.raster.lanes", "values": [[1, 1], [2, 2], [4, 1]]},
+        ]}),
+    );
+    let stage = planned.stage();
+    let numbers: Vec<u64> = (0..planned.points.count()).collect();
+    let groups = stage.groups(&numbers).unwrap();
+    let [group] = &groups[..] else {
+        panic!("{} frames", groups.len());
+    };
+    let mut all: Vec<u64> = group.iter().map(|point| point.number).collect();
+    all.sort_unstable();
+    assert_eq!(all, numbers);
+    for most in MOST_OF_A_BATCH..=group.len() {
+        let (mut rest, mut lengths) = (&group[..], Vec::new());
+        while !rest.is_empty() {
+            let (now, later) = rest.split_at(whole_batches(rest, most));
+            assert!(now.len() <= most, "{} of {most}", now.len());
+            for batch in now.chunk_by(|a, b| a.order == b.order) {
+                let full = batch.len() / MOST_OF_A_BATCH;
+                lengths.extend(std::iter::repeat_n(MOST_OF_A_BATCH, full));
+                lengths.extend(Some(batch.len() % MOST_OF_A_BATCH).filter(|left| *left > 0));
+            }
+            rest = later;
+        }
+        // 20 machines of each of three orders.
+        assert_eq!(lengths, [8, 8, 4].repeat(3), "at most {most}");
+    }
+}
+
 #[test]
 fn work_that_was_replayed_is_not_replayed_again_on_the_same_microarchitecture() {
     let planned = Planned::new(
