@@ -242,14 +242,14 @@ fn a_bank_and_a_rank_open_rows_now_and_then() {
         ..plain()
     };
     assert_eq!(all_at_once(memory, &conflicts), 19 * 25 + 4 + 10);
-    // Each time another bank: the first four at once, then one per quarter of the time.
+    // Each time another bank: the first four at once, the next four at the end of the window.
     let rows: Vec<Request> = (0..8).map(|row| read(2048 * row)).collect();
     assert_eq!(all_at_once(memory, &rows), 8 * 4 + 10);
     let memory = Memory {
         four_rows_cycles: Some(40),
         ..plain()
     };
-    assert_eq!(all_at_once(memory, &rows), 4 * 10 + 4 + 10);
+    assert_eq!(all_at_once(memory, &rows), 40 + 4 * 4 + 10);
 }
 
 /// Requests to an open row are served before another row is opened in its bank.
