@@ -252,6 +252,35 @@ fn a_bank_and_a_rank_open_rows_now_and_then() {
     assert_eq!(all_at_once(memory, &rows), 40 + 4 * 4 + 10);
 }
 
+/// Two lines of the request are in each channel.
+#[test]
+fn all_bytes_for_which_a_row_opens_arrive_after_the_latency_of_a_closed_row() {
+    let memory = Memory {
+        channels: Some(4),
+        interleave_bytes: Some(64),
+        miss_latency: 30,
+        ..plain()
+    };
+    let request = Request {
+        bytes: 512,
+        ..read(0)
+    };
+    assert_eq!(all_at_once(memory, &[request]), 2 * 4 + 30);
+}
+
+/// Twenty bursts of a row take the bus 80 cycles; each of two other rows is then opened.
+#[test]
+fn a_bank_opens_its_next_row_when_the_one_before_is_served() {
+    let memory = Memory {
+        miss_latency: 30,
+        row_cycles: Some(50),
+        ..plain()
+    };
+    let mut requests: Vec<Request> = (0..20).map(|burst| read(64 * burst)).collect();
+    requests.extend([1, 2].map(|row| read(8 * 2048 * row)));
+    assert_eq!(all_at_once(memory, &requests), 80 + 50 + 4 + 30);
+}
+
 /// Requests to an open row are served before another row is opened in its bank.
 #[test]
 fn an_open_row_is_used_before_the_bank_opens_another() {
