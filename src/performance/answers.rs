@@ -290,7 +290,9 @@ fn trial(name: &str) -> Option<Trial> {
     Some(match name {
         "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses"
         | "bytes_per_cycle" | "outstanding" | "lanes" | "engines" | "merges_in_flight"
-        | "channels" | "write_batch" | "buffer_entries" | "network" | "blocks" => Trial::More,
+        | "channels" | "write_batch" | "buffer_entries" | "network" | "blocks" | "splats" => {
+            Trial::More
+        }
         "latency" | "interval" | "hazard" | "merge" => Trial::Less,
         "side_px" | "line_px" | "burst_bytes" | "bucket_bits" => Trial::Both,
         "queue" | "overlap" => Trial::Other,
@@ -455,6 +457,7 @@ fn others(trial: Trial, from: &Value, least: u64) -> Vec<Value> {
 fn filled(machine: &Elaborated) -> Timing {
     let built = &machine.timing;
     let mut timing = built.timing;
+    timing.fetch.splats = Some(built.fetch.units);
     for (setup, pace) in [
         (&mut timing.project, built.project),
         (&mut timing.ellipse, built.ellipse),

@@ -10,7 +10,7 @@ use super::masks::Masks;
 use super::sorter::SorterShape;
 use super::{Elaboration, Operator, Part, unit};
 use crate::machine::timing::{
-    Cache, Environment, Memory, Organisation, Queue, Setup, Technology, Tile, Timing,
+    Cache, Environment, Fetch, Memory, Organisation, Queue, Setup, Technology, Tile, Timing,
 };
 use crate::machine::{BinTest, Group, Machine, MaskMaker, Merge, Rows};
 use crate::num::Word;
@@ -805,6 +805,7 @@ impl Machine {
         let widths = self.widths(splat, prepared, colour.last());
         let [light, frame] = [self.shade.premultiplied, self.resolve.frame]
             .map(|word| 4 * i64::from(word.format.stored_bits()));
+        self.several_records(e, widths.splat);
         let fragment_bits = i64::from(self.fragment_bits());
         // One slot of a pixel changes.
         let lanes = i64::from(lanes_of_fragment(t));
@@ -911,7 +912,7 @@ impl Machine {
         Microarchitecture {
             timing: *t,
             memory: t.memory.preset.map(|_| t.memory),
-            fetch: stage(Some(1), 1, t.fetch.fifo),
+            fetch: self.records(),
             project,
             ellipse,
             storage: self.storage(
@@ -979,6 +980,39 @@ impl Machine {
         let of_engine =
             1 + u32::from(t.organisation == Organisation::Binned && t.tile.buffers == 2);
         units(t.shade.units) * (lights_setup + units(t.engines) * of_engine)
+    }
+
+    /// Pace of `fetch`: each record of a cycle has a bank of the FIFO.
+    fn records(&self) -> Pace {
+        let Fetch { fifo, splats } = self.timing.fetch;
+        let units = splats.unwrap_or(1).clamp(1, 16);
+        Pace {
+            units,
+            latency: 1,
+            interval: 1,
+            fifo: fifo.div_ceil(units),
+        }
+    }
+
+    /// Parts for each record after the first that `fetch` reads in a cycle: it is cut out of its
+    /// bursts, which begin at any byte, and has a register and the two places of a bank. Each bank
+    /// can be written with any of them, and each unit of `project` reads any bank.
+    fn several_records(&self, e: &mut Elaboration, record_bits: i64) {
+        let Pace { units, fifo, .. } = self.records();
+        if units == 1 {
+            return;
+        }
+        let bits = record_bits.clamp(1, i64::from(i32::MAX)) as i32;
+        let places = fifo.max(2).next_power_of_two().ilog2() as i32;
+        let shifts = self.timing.memory.burst_bytes.clamp(2, MOST).ilog2();
+        e.copies(units - 1, |e| {
+            e.copies(shifts, |e| e.choice(unit::FETCH, 2, bits));
+            e.part(unit::FETCH, Operator::Register(bits));
+            e.adders(unit::FETCH, 2, places);
+            e.copies(2, |e| e.part(unit::FETCH, Operator::Register(places)));
+        });
+        let readers = self.timing.project.units.clamp(1, 16);
+        e.copies(units + readers, |e| e.choice(unit::FETCH, units, bits));
     }
 
     /// Bits of a lane in a merge in flight: both fragments, and the address of the pixel.
@@ -1182,6 +1216,7 @@ impl Machine {
             places: places.saturating_mul(units),
             bits: bits.max(0) as u32,
         };
+        let records = self.records();
         let immediate = t.organisation == Organisation::Immediate;
         let (set_up, weighed) = if immediate {
             (unit::RASTER, "cache")
@@ -1189,7 +1224,7 @@ impl Machine {
             ("bin", unit::FRAGMENT)
         };
         let fifos = [
-            fifo(unit::PROJECT, t.fetch.fifo, 1, w.splat),
+            fifo(unit::PROJECT, records.fifo, records.units, w.splat),
             fifo(unit::ELLIPSE, t.project.fifo, t.project.units, w.point),
             fifo(
                 unit::COLOUR,
@@ -1462,6 +1497,7 @@ fn check(timing: &Timing, e: &mut Elaboration) {
         ("resolve.latency", timing.resolve.latency),
     ];
     let side_by_side = [
+        ("fetch.splats", timing.fetch.splats, 1..=16),
         ("engines", timing.engines, 1..=64),
         ("fragment.units", timing.fragment.units, 1..=16),
         (
@@ -1523,6 +1559,10 @@ fn check(timing: &Timing, e: &mut Elaboration) {
     let is_side = |multiple: u32, most: u32| side_px % multiple == 0 && side_px <= most;
     e.require(side_px > 0 && (is_side(4, 128) || is_side(16, 1024)), || {
         format!("timing.tile.side_px is {side_px}: it must be a multiple of 4 up to 128, or of 16 up to 1024")
+    });
+    let (splats, setups) = (timing.fetch.splats.unwrap_or(1), timing.project.units);
+    e.require(splats <= setups || !(2..=16).contains(&splats), || {
+        format!("timing.fetch.splats is {splats}, but timing.project.units is {setups}: a unit takes at most one record per cycle")
     });
     let of_fragment = units(timing.fragment.units);
     e.require(of_fragment.is_power_of_two(), || {

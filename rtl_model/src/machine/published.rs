@@ -48,7 +48,10 @@ fn sorted(machine: Machine, kind: SortKind) -> Machine {
 
 /// Places of the FIFO of records, in front of setup and of each engine: with fewer, the latency of
 /// memory and not its bandwidth limits a frame.
-const PREFETCHED: Fetch = Fetch { fifo: 64 };
+const PREFETCHED: Fetch = Fetch {
+    fifo: 64,
+    splats: None,
+};
 
 /// Tiles of 16 pixels in two buffers, this many pixels per cycle and engine, and memory of 51.2 GB/s
 /// with enough requests in flight for it.
@@ -322,7 +325,10 @@ pub(super) fn cubed() -> Machine {
                 clear_cycles: Some(1024),
             },
             // A record has 32 bytes: the FIFO of 32 words of 64 bits holds eight.
-            fetch: Fetch { fifo: 8 },
+            fetch: Fetch {
+                fifo: 8,
+                splats: None,
+            },
             memory: Memory {
                 bytes_per_cycle: 8,
                 burst_bytes: 32,

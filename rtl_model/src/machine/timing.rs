@@ -164,6 +164,11 @@ pub struct Timing {
 pub struct Fetch {
     /// Places of the FIFO behind it, records.
     pub fifo: u32,
+    /// Records that it reads per cycle, 1 to 16 and at most as many as there are units of
+    /// `project`; left out, 1. The FIFO of records has this many banks, which share its places. The
+    /// walker of a tree reads one per cycle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub splats: Option<u32>,
 }
 
 /// The walker with which `fetch` finds the splats of a tree. It tests one node per cycle.
@@ -794,7 +799,10 @@ pub const DEFAULT: Timing = Timing {
     organisation: Organisation::Binned,
     engines: None,
     queue: Queue::Order,
-    fetch: Fetch { fifo: 16 },
+    fetch: Fetch {
+        fifo: 16,
+        splats: None,
+    },
     walk: None,
     project: Setup {
         units: 1,

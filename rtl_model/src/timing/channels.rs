@@ -6,8 +6,13 @@
 //!                                           └─ yes ───────────────────────────────────────────────────────────────────────────────┴─►( bus )
 //! ```
 //! Time is counted without refreshes, as if memory slept through them; `awake` and `asleep` convert
-//! between the two times. A refresh is at the end of each interval, and closes every row. Bus, bank
-//! and rank keep the gaps between their used cycles, as the single channel does.
+//! between the two times. A refresh is at the end of each interval, and closes every row. The bus
+//! keeps the gaps between its used cycles, as the single channel does.
+//!
+//! The bytes of a request in a channel are next to each other there. Those of one row are moved
+//! together, and if the row was opened for them, all of them arrive after the latency of a closed
+//! row. Where rows can only be opened at some times, a bank opens its next row when the transfers of
+//! the row before have ended.
 //!
 //! Writes are gathered: a channel turns to writes and back once per batch, if anything was read
 //! since the last batch.
@@ -19,46 +24,85 @@ use super::memory::{Direction, Free};
 use crate::machine::timing::Memory as Description;
 use std::collections::VecDeque;
 
-/// An activation: the row, the number of refreshes before it, and the cycle.
+/// An activation: the row, the number of refreshes before it, the cycle of its request, its own
+/// cycle, and the end of the transfers that it was for.
 #[derive(Clone, Copy, Debug)]
 struct Opened {
     row: u64,
     refreshes: u64,
+    requested: u64,
     since: u64,
+    served: u64,
 }
 
-/// A bank.
+/// A bank: the open row and the scheduled ones, in order of time.
 #[derive(Clone, Debug, Default)]
-struct Bank {
-    /// The open row and the scheduled ones, in order of time.
-    rows: VecDeque<Opened>,
-    /// Cycles without an activation.
-    free: Free,
-}
+struct Bank(VecDeque<Opened>);
 
 /// Number of scheduled rows of a bank that are searched for a request's row.
 const ROWS: usize = 32;
 
 impl Bank {
-    /// The cycle in which a request finds its row open, if it does. It is served before the bank
-    /// opens another row.
-    fn finds(&mut self, now: u64, row: u64, refreshes: u64) -> Option<u64> {
-        while self.rows.get(1).is_some_and(|next| next.since <= now) || self.rows.len() > ROWS {
-            self.rows.pop_front();
+    /// The place and the cycle in which a request finds its row open, if it does. It is served
+    /// before the bank opens another row.
+    fn finds(&mut self, now: u64, row: u64, refreshes: u64) -> Option<(usize, u64)> {
+        let Bank(rows) = self;
+        while rows.get(1).is_some_and(|next| next.since <= now) || rows.len() > ROWS {
+            rows.pop_front();
         }
-        let found = self
-            .rows
+        let found = rows
             .iter()
-            .rev()
-            .find(|opened| opened.row == row && opened.refreshes == refreshes);
-        found.map(|opened| opened.since.max(now))
+            .rposition(|opened| opened.row == row && opened.refreshes == refreshes)?;
+        Some((found, rows[found].since.max(now)))
     }
 
-    fn opens(&mut self, opened: Opened) {
-        let at = self
-            .rows
-            .partition_point(|other| other.since <= opened.since);
-        self.rows.insert(at, opened);
+    /// The first cycle from `now` on in which it can open a row: `row_cycles` after the row before,
+    /// whose transfers have ended, and before the row behind. Rows of later requests, which were
+    /// replayed earlier, do not delay it.
+    fn free(&self, now: u64, row_cycles: u64) -> u64 {
+        let Bank(rows) = self;
+        let mut start = now;
+        for opened in rows.iter().filter(|opened| opened.requested <= now) {
+            if opened.since >= start + row_cycles && opened.since > start {
+                break;
+            }
+            start = start.max(opened.since + row_cycles).max(opened.served);
+        }
+        start
+    }
+
+    /// Opens a row; returns its place.
+    fn opens(&mut self, opened: Opened) -> usize {
+        let Bank(rows) = self;
+        let at = rows.partition_point(|other| other.since <= opened.since);
+        rows.insert(at, opened);
+        at
+    }
+}
+
+/// Cycles of the activations of a rank, in order of time.
+#[derive(Clone, Debug, Default)]
+struct Activations(VecDeque<u64>);
+
+impl Activations {
+    /// Adds the first activation from `now` on that is a `window` behind the fourth one before it;
+    /// returns its cycle. None is before `forgotten` any more. Later ones, of requests that were
+    /// replayed earlier, do not delay it.
+    fn take(&mut self, mut now: u64, window: u64, forgotten: u64) -> u64 {
+        let Activations(cycles) = self;
+        while cycles
+            .pop_front_if(|cycle| *cycle + window <= forgotten)
+            .is_some()
+        {}
+        loop {
+            let at = cycles.partition_point(|cycle| *cycle <= now);
+            let fourth = at.checked_sub(4).map_or(0, |first| cycles[first] + window);
+            if fourth <= now {
+                cycles.insert(at, now);
+                return now;
+            }
+            now = fourth;
+        }
     }
 }
 
@@ -67,8 +111,8 @@ struct Channel {
     bus: Free,
     /// Rank by rank.
     banks: Box<[Bank]>,
-    /// By rank, quarters of the window in which four rows can be opened.
-    opened: Box<[Free]>,
+    /// By rank.
+    opened: Box<[Activations]>,
     /// Rank of the last transfer.
     rank: usize,
     /// Bursts of the current batch of writes, and whether anything was read since it began.
@@ -110,7 +154,7 @@ impl Channels {
         let channel = Channel {
             bus: Free::default(),
             banks: vec![Bank::default(); d.banks as usize * ranks].into(),
-            opened: vec![Free::default(); ranks].into(),
+            opened: vec![Activations::default(); ranks].into(),
             rank: 0,
             written: 0,
             has_read: false,
@@ -159,28 +203,34 @@ impl Channels {
 
     /// Serves whole bursts from `from` to `end`: the arrival of the last one, and the number of
     /// bursts with an open row.
-    pub fn serve(&mut self, now: u64, direction: Direction, mut from: u64, end: u64) -> [u64; 2] {
-        let interleave = u64::from(self.description.interleave_bytes());
+    pub fn serve(&mut self, now: u64, direction: Direction, from: u64, end: u64) -> [u64; 2] {
         let row_bytes = u64::from(self.description.row_bytes);
         let channels = self.channels.len() as u64;
+        // Consecutive lines are in consecutive channels.
+        let line_bytes = if channels == 1 {
+            1 << 63
+        } else {
+            u64::from(self.description.interleave_bytes())
+        };
+        let last = (end - 1) / line_bytes;
         let [mut done, mut hits] = [now, 0];
-        while from < end {
-            let (line, within) = (from / interleave, from % interleave);
-            let own = line / channels * interleave + within;
-            let of_line = if channels == 1 {
-                u64::MAX
-            } else {
-                interleave - within
-            };
-            let bytes = (end - from).min(of_line).min(row_bytes - own % row_bytes);
-            let piece = RowBytes {
-                channel: (line % channels) as usize,
-                row: own / row_bytes,
-                bytes,
-            };
-            let [here, hit] = self.piece(now, direction, piece);
-            (done, hits) = (done.max(here), hits + hit);
-            from += bytes;
+        for first in (from / line_bytes..=last).take(channels as usize) {
+            // The lines of a request in a channel are next to each other there.
+            let of_line = |line: u64| line / channels * line_bytes;
+            let last_here = last - (last - first) % channels;
+            let mut own = of_line(first) + from.saturating_sub(first * line_bytes);
+            let own_end = of_line(last_here) + line_bytes.min(end - last_here * line_bytes);
+            while own < own_end {
+                let to = own_end.min((own / row_bytes + 1) * row_bytes);
+                let piece = RowBytes {
+                    channel: (first % channels) as usize,
+                    row: own / row_bytes,
+                    bytes: to - own,
+                };
+                let [here, hit] = self.piece(now, direction, piece);
+                (done, hits) = (done.max(here), hits + hit);
+                own = to;
+            }
         }
         [done, hits]
     }
@@ -209,30 +259,23 @@ impl Channels {
         let bank = &mut channel.banks[nth];
         let found = bank.finds(now, row, between);
         let is_open = found.is_some();
-        let start = found.unwrap_or_else(|| {
+        let [row_cycles, four_rows] = [d.row_cycles, d.four_rows_cycles].map(cycles);
+        let (place, start) = found.unwrap_or_else(|| {
             let mut start = now;
-            if d.row_cycles.is_some_and(|cycles| cycles > 0) {
-                bank.free.forget(forgotten);
-                start = bank.free.take_whole(start, cycles(d.row_cycles));
+            if row_cycles > 0 || four_rows > 0 {
+                start = bank.free(start, row_cycles);
             }
-            if d.four_rows_cycles.is_some_and(|cycles| cycles > 0) {
-                let opened = &mut channel.opened[rank];
-                opened.forget(4 * forgotten);
-                let quarter = opened.take_whole(4 * start, cycles(d.four_rows_cycles));
-                // The next three activations can follow at once; after them, one per quarter of the
-                // window.
-                start = start.max(
-                    quarter
-                        .saturating_sub(3 * cycles(d.four_rows_cycles))
-                        .div_ceil(4),
-                );
+            if four_rows > 0 {
+                start = channel.opened[rank].take(start, four_rows, forgotten);
             }
-            bank.opens(Opened {
+            let opened = Opened {
                 row,
                 refreshes: between,
+                requested: now,
                 since: start,
-            });
-            start
+                served: start,
+            };
+            (bank.opens(opened), start)
         });
         let bursts = bytes / u64::from(d.burst_bytes);
         let mut still = 0;
@@ -257,6 +300,8 @@ impl Channels {
             .bus
             .take(start * a_cycle, still * a_cycle + bytes * a_byte)
             .div_ceil(a_cycle);
+        let Bank(rows) = &mut channel.banks[nth];
+        rows[place].served = rows[place].served.max(moved);
         let latency = if is_open {
             d.hit_latency
         } else {

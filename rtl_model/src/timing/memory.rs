@@ -175,18 +175,6 @@ impl Free {
         }
     }
 
-    /// Uses the first contiguous free `amount` from `now` on; returns its start.
-    pub fn take_whole(&mut self, now: u64, amount: u64) -> u64 {
-        let first = self.gaps.partition_point(|gap| gap.end <= now);
-        let fits = |gap: &Range<u64>| gap.end.saturating_sub(gap.start.max(now)) >= amount;
-        let from = match self.gaps.range(first..).find(|gap| fits(gap)) {
-            Some(gap) => gap.start.max(now),
-            None => self.never_used.max(now),
-        };
-        self.take(from, amount);
-        from
-    }
-
     /// Nothing before this is used any more.
     pub fn forget(&mut self, before: u64) {
         while self.gaps.pop_front_if(|gap| gap.end <= before).is_some() {}

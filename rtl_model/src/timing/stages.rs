@@ -65,11 +65,21 @@ impl<'a> SetUp<'a> {
         let coloured = pace.map(|_| unit::COLOUR);
         let after_ellipse = coloured.or(shaded).unwrap_or(behind);
         let before_shade = coloured.unwrap_or(unit::ELLIPSE);
+        // The walker of a tree tests one node per cycle.
+        let fetch = if work.walk.is_empty() {
+            timing.fetch
+        } else {
+            Pace {
+                units: 1,
+                fifo: timing.timing.fetch.fifo,
+                ..timing.fetch
+            }
+        };
         SetUp {
             timing,
             fetch: Unit::new(
                 "fetch",
-                timing.fetch,
+                fetch,
                 [None, Some(unit::PROJECT)],
                 detail,
                 timing.lifted,

@@ -242,14 +242,43 @@ fn a_bank_and_a_rank_open_rows_now_and_then() {
         ..plain()
     };
     assert_eq!(all_at_once(memory, &conflicts), 19 * 25 + 4 + 10);
-    // Each time another bank: the first four at once, then one per quarter of the time.
+    // Each time another bank: the first four at once, the next four at the end of the window.
     let rows: Vec<Request> = (0..8).map(|row| read(2048 * row)).collect();
     assert_eq!(all_at_once(memory, &rows), 8 * 4 + 10);
     let memory = Memory {
         four_rows_cycles: Some(40),
         ..plain()
     };
-    assert_eq!(all_at_once(memory, &rows), 4 * 10 + 4 + 10);
+    assert_eq!(all_at_once(memory, &rows), 40 + 4 * 4 + 10);
+}
+
+/// Two lines of the request are in each channel.
+#[test]
+fn all_bytes_for_which_a_row_opens_arrive_after_the_latency_of_a_closed_row() {
+    let memory = Memory {
+        channels: Some(4),
+        interleave_bytes: Some(64),
+        miss_latency: 30,
+        ..plain()
+    };
+    let request = Request {
+        bytes: 512,
+        ..read(0)
+    };
+    assert_eq!(all_at_once(memory, &[request]), 2 * 4 + 30);
+}
+
+/// Twenty bursts of a row take the bus 80 cycles; each of two other rows is then opened.
+#[test]
+fn a_bank_opens_its_next_row_when_the_one_before_is_served() {
+    let memory = Memory {
+        miss_latency: 30,
+        row_cycles: Some(50),
+        ..plain()
+    };
+    let mut requests: Vec<Request> = (0..20).map(|burst| read(64 * burst)).collect();
+    requests.extend([1, 2].map(|row| read(8 * 2048 * row)));
+    assert_eq!(all_at_once(memory, &requests), 80 + 50 + 4 + 30);
 }
 
 /// Requests to an open row are served before another row is opened in its bank.

@@ -4,6 +4,7 @@ use crate::frames::{ellipsoids, frame};
 use proptest::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
+use rtl_model::elaboration::{Operator, Part, unit};
 use rtl_model::machine::timing::{Organisation, Queue, Sorter, Technology};
 use rtl_model::machine::{Bin, BinTest, SortKind};
 use rtl_model::pipeline::draw_measured;
@@ -126,6 +127,21 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
             "project/units",
             json!(0),
             "timing.project.units is 0: it can be 1 to 16",
+        ),
+        (
+            "fetch/splats",
+            json!(0),
+            "timing.fetch.splats is 0: it can be 1 to 16",
+        ),
+        (
+            "fetch/splats",
+            json!(17),
+            "timing.fetch.splats is 17: it can be 1 to 16",
+        ),
+        (
+            "fetch/splats",
+            json!(2),
+            "timing.fetch.splats is 2, but timing.project.units is 1: a unit takes at most one record per cycle",
         ),
         (
             "fragment/units",
@@ -727,4 +743,36 @@ proptest! {
     ) {
         bounds_hold(&values, binned, which, ideal)?;
     }
+}
+
+/// Bits of multiplexers, registers and adders of `fetch`, and the places of the FIFO of records.
+fn fetch_of(splats: Option<u32>) -> (u64, u32) {
+    let mut machine = reference();
+    (machine.timing.project.units, machine.timing.fetch.splats) = (4, splats);
+    let built = machine.elaborate().unwrap();
+    let bits = |part: &Part| {
+        let bits = match part.operator {
+            Operator::Choice([words, bits]) => (words - 1) * bits,
+            Operator::Multiplexer(bits) | Operator::Register(bits) | Operator::Adder(bits) => bits,
+            _ => panic!("{part:?}"),
+        };
+        u64::from(part.copies) * bits as u64
+    };
+    let of_fetch = built.parts.iter().filter(|part| part.unit == unit::FETCH);
+    let fifo = built.timing.storage.fifos[0];
+    (of_fetch.map(bits).sum(), fifo.places)
+}
+
+#[test]
+fn each_further_record_of_a_cycle_takes_more_parts_and_no_places() {
+    assert_eq!(fetch_of(None), fetch_of(Some(1)));
+    let all = [1, 2, 3, 4].map(|splats| fetch_of(Some(splats)));
+    assert_eq!(all.map(|(_, places)| places), [16, 16, 18, 16]);
+    assert!(
+        all.windows(2).all(|pair| {
+            let record = u64::from(8 * reference().elaborate().unwrap().timing.splat_bytes);
+            pair[1].0 > pair[0].0 + 4 * record
+        }),
+        "{all:?}"
+    );
 }

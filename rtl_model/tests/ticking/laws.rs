@@ -9,7 +9,7 @@ use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::SortKind;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Queue, Sorter, Tile, Timing};
 use rtl_model::timing::{Detail, EarlyTermination, Requester, limit, limits, replay, replay_all};
-use rtl_model::work::Event;
+use rtl_model::work::{CullReason, Event};
 
 /// This many splats on one pixel, the whole picture, and the pixel's final fragments.
 fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
@@ -35,6 +35,7 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
 fn single(rng: &mut Rng) -> Timing {
     let mut timing = random(rng);
     (timing.project.units, timing.ellipse.units) = (1, 1);
+    timing.fetch.splats = None;
     timing.memory = ideal(1 + rng.below(30) as u32, 1 << 16, 64);
     timing.fetch.fifo = 64;
     // Laws in closed form; `a_row_of_a_box_takes_the_cycles_of_its_set_up`.
@@ -189,8 +190,11 @@ fn a_stopped_pixel_takes_no_cycles() {
 type TimingField = fn(&mut Timing) -> &mut u32;
 
 /// Numbers of a machine that can be raised.
-const RAISES: [(&str, TimingField); 11] = [
+const RAISES: [(&str, TimingField); 12] = [
     ("fetch.fifo", |timing| &mut timing.fetch.fifo),
+    ("fetch.splats", |timing| {
+        timing.fetch.splats.get_or_insert(1)
+    }),
     ("project.fifo", |timing| &mut timing.project.fifo),
     ("project.units", |timing| &mut timing.project.units),
     ("ellipse.fifo", |timing| &mut timing.ellipse.fifo),
@@ -227,12 +231,34 @@ fn slower(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
             let mut more = timing;
             *field(&mut more) += 1 + rng.below(4) as u32;
             more.tile.buffers = more.tile.buffers.min(2);
+            let units = more.project.units;
+            more.fetch.splats = more.fetch.splats.map(|splats| splats.min(units));
             if replay(&elaborate(more), &scene, Detail::Accounts).total > before {
                 note(&mut found, name, seed);
             }
         }
     }
     found
+}
+
+/// Culled splats end in `project`. With memory that stalls nothing, a splat is read in a cycle with as
+/// many others as fetch reads.
+#[test]
+fn fetch_reads_as_many_records_per_cycle_as_it_may() {
+    for splats in 1..=7 {
+        let mut timing = single(&mut Rng(splats.into()));
+        (timing.project.units, timing.project.interval) = (7, Some(1));
+        (timing.fetch.fifo, timing.fetch.splats) = (1024, Some(splats));
+        let mut scene = dots(100, 0, 0);
+        scene.splats = vec![Splat::culled(CullReason::Outside); 100];
+        let timing = elaborate(timing);
+        let units = replay(&timing, &scene.record(), Detail::Log).units;
+        let fetched: Vec<u64> = (0..100).map(|nth| nth / u64::from(splats)).collect();
+        let fetch: Vec<_> = units.iter().filter(|unit| unit.name == "fetch").collect();
+        assert_eq!((fetch.len(), &fetch[0].log), (splats as usize, &fetched));
+        let items = fetch.iter().map(|unit| unit.items);
+        assert_eq!(items.max(), Some(100_u64.div_ceil(splats.into())));
+    }
 }
 
 #[test]

@@ -240,6 +240,8 @@ pub fn random(rng: &mut Rng) -> Timing {
             fifo: to(rng_of_colour, 2),
         }
     });
+    let rng_of_fetch = &mut Rng(rng.0 ^ 0xfe7c);
+    let splats = (rng_of_fetch.below(2) == 0).then(|| to(rng_of_fetch, project.units.into()));
     let lines = of(rng, &[1, 2, 4, 8, 16, 16, 64, 512]);
     let rng_of_set_up = &mut Rng(rng.0 ^ 0x5e70);
     let row_cycles = (rng_of_set_up.below(3) == 0).then(|| to(rng_of_set_up, 4));
@@ -248,7 +250,10 @@ pub fn random(rng: &mut Rng) -> Timing {
     Timing {
         organisation: Organisation::Immediate,
         technology: Technology::Ideal,
-        fetch: Fetch { fifo: to(rng, 6) },
+        fetch: Fetch {
+            fifo: to(rng, 6),
+            splats,
+        },
         project,
         ellipse,
         colour,

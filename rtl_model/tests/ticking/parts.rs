@@ -303,6 +303,14 @@ pub fn places(pace: Pace) -> u32 {
     (pace.fifo + pace.latency.div_ceil(pace.interval)) * pace.units
 }
 
+/// Places behind fetch: a bank for each record that it reads in a cycle, which divide those of the
+/// FIFO, and a register in front of each bank.
+fn record_places(timing: &Microarchitecture) -> u32 {
+    let fetch = timing.timing.fetch;
+    let banks = fetch.splats.unwrap_or(1);
+    fetch.fifo.div_ceil(banks) * banks + banks
+}
+
 /// Pace of colours; any value where splats have no harmonics.
 fn colour_pace(timing: &Microarchitecture, scene: &Scene) -> Pace {
     timing
@@ -447,9 +455,9 @@ impl<'a> SetupUnits<'a> {
             timing,
             scene,
             now: 0,
-            fetch: TickedUnit::new("fetch", 1),
+            fetch: TickedUnit::new("fetch", timing.timing.fetch.splats.unwrap_or(1)),
             requests: Requests::new(timing.timing.memory.outstanding),
-            records: Link::new(places(timing.fetch)),
+            records: Link::new(record_places(timing)),
             project: TickedUnit::new("project", timing.project.units),
             projected: Link::new(places(timing.project)),
             ellipse: TickedUnit::new("ellipse", timing.ellipse.units),

@@ -28,12 +28,13 @@ pub struct SearchedField {
 }
 
 /// Fields and values by default. Those that the machine's schema lacks are left out.
-const FIELDS: [(&str, &str); 48] = [
+const FIELDS: [(&str, &str); 49] = [
     (
         CLOCK,
         "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]",
     ),
     ("timing.fetch.fifo", "[1, 2, 4, 8, 16, 32]"),
+    ("timing.fetch.splats", "[null, 2, 4]"),
     ("timing.project.units", "[1, 2, 4]"),
     ("timing.project.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16]"),
     ("timing.project.multipliers", "[null, 1]"),
