@@ -70,7 +70,7 @@ impl Folder {
                 made: Vec::new(),
             };
             match fs::create_dir_all(path) {
-                Ok(()) => {}
+                Ok(()) => missing = None,
                 Err(error) if error.kind() == ErrorKind::NotFound && !made.is_empty() => {
                     missing = Some(error);
                     std::thread::sleep(Duration::from_millis(1));
@@ -434,6 +434,17 @@ fn write_and_close(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_folder_that_cannot_be_made_is_not_blamed_on_other_processes() {
+        let error = Folder::open(Path::new("/proc/splatsim")).unwrap_err();
+        let told = error.to_string();
+        assert!(
+            told.contains("/proc/splatsim") && told.contains("cannot be made"),
+            "{told}"
+        );
+    }
 
     #[test]
     fn the_first_file_that_cannot_be_written_is_named_and_the_others_exist() {

@@ -45,6 +45,12 @@ pub fn can_be_replayed(path: &str) -> bool {
     path.starts_with("timing.") || OF_LISTS.contains(&path)
 }
 
+/// Whether a machine with another value of this field, which may be a section, can differ in
+/// [`OF_LISTS`].
+pub fn changes_lists(path: &str) -> bool {
+    OF_LISTS.iter().any(|field| machines::is_below(field, path))
+}
+
 /// [`OF_LISTS`] as a part of a sentence.
 pub fn fields_of_lists() -> String {
     let [others @ .., last] = &OF_LISTS;
@@ -212,7 +218,7 @@ impl Variants {
     /// Whether a field of the lists of tiles differs, so that the frame must be recorded with the
     /// keys and words that these depend on.
     pub fn changes_lists(&self) -> bool {
-        self.paths.iter().any(|path| !path.starts_with("timing."))
+        self.paths.iter().any(|path| changes_lists(path))
     }
 
     /// Checks that each machine can be timed with a record of a scene: stack for its walk, and bits

@@ -805,7 +805,7 @@ impl Machine {
         let widths = self.widths(splat, prepared, colour.last());
         let [light, frame] = [self.shade.premultiplied, self.resolve.frame]
             .map(|word| 4 * i64::from(word.format.stored_bits()));
-        self.several_records(e, widths.splat);
+        self.fetch_parts(e, widths.splat);
         let fragment_bits = i64::from(self.fragment_bits());
         // One slot of a pixel changes.
         let lanes = i64::from(lanes_of_fragment(t));
@@ -912,7 +912,7 @@ impl Machine {
         Microarchitecture {
             timing: *t,
             memory: t.memory.preset.map(|_| t.memory),
-            fetch: self.records(),
+            fetch: self.fetch_pace(),
             project,
             ellipse,
             storage: self.storage(
@@ -983,7 +983,7 @@ impl Machine {
     }
 
     /// Pace of `fetch`: each record of a cycle has a bank of the FIFO.
-    fn records(&self) -> Pace {
+    fn fetch_pace(&self) -> Pace {
         let Fetch { fifo, splats } = self.timing.fetch;
         let units = splats.unwrap_or(1).clamp(1, 16);
         Pace {
@@ -997,8 +997,8 @@ impl Machine {
     /// Parts for each record after the first that `fetch` reads in a cycle: it is cut out of its
     /// bursts, which begin at any byte, and has a register and the two places of a bank. Each bank
     /// can be written with any of them, and each unit of `project` reads any bank.
-    fn several_records(&self, e: &mut Elaboration, record_bits: i64) {
-        let Pace { units, fifo, .. } = self.records();
+    fn fetch_parts(&self, e: &mut Elaboration, record_bits: i64) {
+        let Pace { units, fifo, .. } = self.fetch_pace();
         if units == 1 {
             return;
         }
@@ -1216,7 +1216,7 @@ impl Machine {
             places: places.saturating_mul(units),
             bits: bits.max(0) as u32,
         };
-        let records = self.records();
+        let fetch = self.fetch_pace();
         let immediate = t.organisation == Organisation::Immediate;
         let (set_up, weighed) = if immediate {
             (unit::RASTER, "cache")
@@ -1224,7 +1224,7 @@ impl Machine {
             ("bin", unit::FRAGMENT)
         };
         let fifos = [
-            fifo(unit::PROJECT, records.fifo, records.units, w.splat),
+            fifo(unit::PROJECT, fetch.fifo, fetch.units, w.splat),
             fifo(unit::ELLIPSE, t.project.fifo, t.project.units, w.point),
             fifo(
                 unit::COLOUR,

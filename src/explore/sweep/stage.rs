@@ -26,6 +26,7 @@ use crate::output::text::plain;
 use crate::performance::clock;
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::CyclesReport;
+use crate::performance::timings;
 use crate::run::evaluation::Evaluation;
 use crate::run::report::MachineReport;
 use crate::run::timed;
@@ -197,11 +198,10 @@ impl Stage {
             Kept::new(FRAMES),
         );
         let replays = Replays::default();
-        let changes_lists = points.columns().iter().any(|(field, _)| {
-            ["bin", "sort"]
-                .iter()
-                .any(|unit| machines::is_below(field, unit))
-        });
+        let changes_lists = points
+            .columns()
+            .iter()
+            .any(|(field, _)| timings::changes_lists(field));
         Stage {
             changes_lists,
             points: points.clone(),

@@ -161,7 +161,7 @@ fn rows_of_one_frame_come_before_all_of_it_is_replayed() {
     );
 }
 
-/// Of machines with other stamps in turn, as a grid has them, whole batches are replayed.
+/// A grid has machines with different stamps in turn; they are still replayed in whole batches.
 #[test]
 fn points_that_can_be_replayed_as_a_batch_follow_each_other() {
     let planned = Planned::new(
