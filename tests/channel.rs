@@ -179,8 +179,9 @@ fn replayed_scenes_are_at_most_a_hundredth_off() {
     }
 }
 
-/// Trained Gaussians, with every sort; few lists fit into the buffers of the sorters. The last two
-/// have several channels, and limits of how often rows are opened.
+/// Trained Gaussians, with every sort; few lists fit into the buffers of the sorters. Also with
+/// several channels and limits of how often rows are opened, and where several engines and
+/// overlapping sorters share memory.
 #[test]
 fn a_replayed_scene_is_at_most_a_hundredth_off_with_any_sort() {
     if !tier::runs(Tier::Ci) {
@@ -212,6 +213,37 @@ fn a_replayed_scene_is_at_most_a_hundredth_off_with_any_sort() {
             "timing.sort.units=4",
             "timing.memory.preset=lpddr4-3200-x4",
         ],
+        &[
+            "sort.kind=tile",
+            "timing.sort.units=4",
+            "timing.sort.overlap=true",
+            "timing.engines=4",
+        ],
+        &[
+            "sort.kind=hierarchical",
+            "timing.sort.units=4",
+            "timing.sort.overlap=true",
+            "timing.engines=4",
+        ],
+        &[
+            "sort.kind=tile",
+            "timing.engines=4",
+            "timing.memory.preset=lpddr4-3200-x4",
+        ],
+        &[
+            "sort.kind=tile",
+            "timing.sort.units=4",
+            "timing.sort.overlap=true",
+            "timing.engines=4",
+            "timing.memory.preset=lpddr4-3200-x4",
+        ],
+        &[
+            "sort.kind=hierarchical",
+            "timing.sort.units=4",
+            "timing.sort.overlap=true",
+            "timing.engines=4",
+            "timing.memory.preset=lpddr4-3200-x4",
+        ],
     ];
     let scene = splatsim::scene::Scene::load(
         "bouquet",
@@ -220,6 +252,7 @@ fn a_replayed_scene_is_at_most_a_hundredth_off_with_any_sort() {
         },
     )
     .unwrap();
+    let mut off = Vec::new();
     for settings in sorts {
         let settings: Vec<String> = settings
             .iter()
@@ -246,12 +279,12 @@ fn a_replayed_scene_is_at_most_a_hundredth_off_with_any_sort() {
             replayed.total,
             100.0 * error
         );
-        assert!(
-            error.abs() <= 0.01,
-            "{settings:?}: off by {:.2} %",
-            100.0 * error
-        );
+        // NaN is off too.
+        if !(error.abs() <= 0.01) {
+            off.push(settings);
+        }
     }
+    assert!(off.is_empty(), "off by more than 1 %: {off:?}");
 }
 
 #[test]

@@ -10,8 +10,10 @@
 //! overlap with it. Tiles are drawn row by row, or the longest lists first. Tiles without an entry
 //! are only written, after the previous tile of the picture. The pass has one or more engines,
 //! which share only memory and the queue: the next tile goes to the engine whose list unit is free
-//! first. Entries of all engines are replayed in order of time, so requests to memory are in order
-//! of time. When every pixel of a tile has stopped, the rest of its list is not read.
+//! first. If the pass has several engines, or sorters overlap with it, the reads of lists, the reads
+//! of records and the requests of sorters are replayed in order of time. An engine's list can then
+//! be ahead of the records that it waits for. When every pixel of a tile has stopped, the rest of
+//! its list is not read.
 //!
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`,
 //! `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
@@ -22,9 +24,11 @@ mod lists;
 pub use lists::{Lists, MaskCounts, TileTests};
 
 use super::Cycles;
-use super::account::{Detail, Ready, Unit};
+use super::account::{Account, Detail, Ready, Unit};
 use super::frame::RecordedFrame;
-use super::memory::{BOXES, Direction, LISTS, Memory, Outstanding, RECORDS, Requester, WORDS};
+use super::memory::{
+    BOXES, Direction, LISTS, Memory, Outstanding, RECORDS, Requester, Reserved, WORDS,
+};
 use super::sorters::{self, Sorters};
 use super::stages::{Fill, FinalPixels, Merge, Resolve, SetUp, Stamp};
 use super::stamps::{Stamps, are_whole};
@@ -39,6 +43,7 @@ use crate::elaboration::unit;
 use crate::machine::timing::Queue;
 use crate::work::{DEPARTED, Footprint, Work};
 use std::collections::VecDeque;
+use std::iter;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -219,6 +224,15 @@ fn queue_cycles(lists: &Lists) -> u64 {
     2 * (tiles + LENGTH_VALUES)
 }
 
+/// A step of an engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Step {
+    /// List takes a tile, or reads or leaves its list.
+    List,
+    /// A record is requested, and its splat drawn.
+    Record,
+}
+
 /// Draws the tiles of the queue.
 struct SecondPass<'a> {
     t: &'a Microarchitecture,
@@ -230,6 +244,12 @@ struct SecondPass<'a> {
     queue: VecDeque<(usize, usize)>,
     /// The cycle in which the last tile was taken: the next one is behind it.
     taken: u64,
+    /// Reads of lists and of records are replayed in order of time; otherwise each entry is, with
+    /// its record. Then only texels are requested at other times.
+    is_in_order: bool,
+    /// List leaves a tile whose pixels have all stopped. It does not if lists are kept, because the
+    /// key of each entry is needed in the next frame.
+    leaves_stopped: bool,
     /// Sorters that work meanwhile.
     sorters: Option<Sorters<'a>>,
 }
@@ -252,8 +272,12 @@ struct Engine<'a> {
     /// Last cycle in which a fragment of the previous tile is written.
     written: u64,
     list_from: u64,
-    tile: Option<TileState>,
-    /// Footprints of the current list.
+    /// The tile whose list is read, and the tile that is drawn.
+    listed: Option<ListedTile>,
+    drawn: Option<DrawnTile>,
+    /// What list has read, until raster takes it.
+    ahead: VecDeque<Ahead>,
+    /// Footprints of the list of the drawn tile.
     footprints: Vec<Footprint>,
 }
 
@@ -299,20 +323,57 @@ impl ListMasks {
     }
 }
 
-/// State of a tile on an engine.
-struct TileState {
+/// A tile whose list is read.
+struct ListedTile {
+    place: usize,
+    /// Index of the next entry of its list.
+    nth: usize,
+    /// Bursts of its list that were requested, and the arrival of the last one.
+    bursts: u64,
+    burst_here: u64,
+}
+
+/// A tile that is drawn.
+struct DrawnTile {
     place: usize,
     turn: usize,
     corner: [u32; 2],
     /// Index of the next entry of its list, and its place among the boxes that touch the tile.
     nth: usize,
     boxed: usize,
-    /// Bursts of its list that were requested, and the arrival of the last one.
-    bursts: u64,
-    burst_here: u64,
     buffer_free: u64,
     stops: stops::TileStops,
     back: WriteBack,
+}
+
+/// A tile that an engine has taken.
+#[derive(Clone, Copy)]
+struct TakenTile {
+    place: usize,
+    turn: usize,
+    /// The cycle from which its list can be read.
+    from: u64,
+}
+
+/// What list has read and raster has not taken, in order.
+#[derive(Clone, Copy)]
+enum Ahead {
+    /// The first entry of a tile follows.
+    Tile(TakenTile),
+    Entry(ReadEntry),
+    /// The last entry of a tile that is read is before this. With the state of list.
+    End((u64, Account)),
+}
+
+/// An entry that list has read.
+#[derive(Clone, Copy)]
+struct ReadEntry {
+    /// The cycle in which list took it.
+    now: u64,
+    /// The cycle of the request for its record: the burst with the entry has arrived.
+    record_from: u64,
+    /// The record's place among the outstanding requests.
+    request: Reserved,
 }
 
 /// A kept list that is written for the next frame, entry by entry, in order.
@@ -386,7 +447,9 @@ impl<'a> Engine<'a> {
             buffers: [from; 2],
             written: from,
             list_from: from,
-            tile: None,
+            listed: None,
+            drawn: None,
+            ahead: VecDeque::new(),
             footprints: Vec::new(),
         }
     }
@@ -394,6 +457,21 @@ impl<'a> Engine<'a> {
     /// The cycle from which its list unit is free for the next entry or tile.
     fn free(&self) -> u64 {
         self.list.free().max(self.list_from)
+    }
+
+    /// What list waits for before it takes an entry; none if a cycle is not known yet.
+    fn ready(&self) -> Ready {
+        let known = self
+            .list
+            .behind
+            .is_scheduled()
+            .then(|| self.list.behind.free());
+        Ready {
+            here: self.list_from,
+            memory: self.outstanding.free(),
+            room: known.unwrap_or(u64::MAX),
+            ..Ready::default()
+        }
     }
 
     /// Every unit, in the order of the diagram.
@@ -427,6 +505,8 @@ impl<'a> SecondPass<'a> {
             from,
             queue: queue.into_iter().enumerate().collect(),
             taken: from,
+            is_in_order: (t.engines > 1 || t.overlaps_sort()) && !work.mirrors,
+            leaves_stopped: work.stops() && !lists.are_kept(),
             sorters: None,
         }
     }
@@ -460,62 +540,68 @@ impl<'a> SecondPass<'a> {
             let next = self.next(&engines);
             let sorts = self.sorters.as_ref().and_then(Sorters::next);
             if let (Some(sorters), Some(first)) = (&mut self.sorters, sorts)
-                && next.is_none_or(|(from, _)| first.0 <= from)
+                && next.is_none_or(|(from, ..)| first.0 <= from)
             {
                 sorters.step(first, memory);
                 continue;
             }
-            let Some((_, nth)) = next else { break };
-            let others = (engines.iter().enumerate())
-                .filter(|(other, engine)| *other != nth && self.is_at_work(engine));
-            let others_from = others
-                .map(|(_, engine)| engine.free())
-                .chain(sorts.map(|(at, ..)| at))
-                .min()
-                .unwrap_or(u64::MAX);
-            let engine = &mut engines[nth];
-            let own = nth % walks.len();
-            let walk = &mut walks[own];
-            let mut tile = match engine.tile.take() {
-                Some(tile) => tile,
-                None => {
-                    let tile = self.begin(engine, stops.as_mut());
-                    walk.begin(tile.corner.map(|at| at as u16));
-                    self.work
-                        .look_up(self.lists.of(tile.place), &mut engine.footprints);
-                    tile
+            let Some((from, step, nth)) = next else { break };
+            if self.is_in_order {
+                memory.forget(from);
+            }
+            if step == Step::List && engines[nth].listed.is_none() {
+                let taken = self.begin(&mut engines[nth]);
+                engines[nth].ahead.push_back(Ahead::Tile(taken));
+            } else if step == Step::List {
+                let others_from = if self.is_in_order {
+                    from
+                } else {
+                    let others = (engines.iter().enumerate())
+                        .filter(|(other, engine)| *other != nth && self.is_at_work(engine));
+                    let free = others.map(|(_, engine)| engine.free());
+                    let all = free.chain(sorts.map(|(at, ..)| at));
+                    all.min().unwrap_or(u64::MAX)
+                };
+                let engine = &mut engines[nth];
+                let read = self.read(engine, stops.as_mut(), others_from, memory);
+                engine.ahead.extend(read.map(Ahead::Entry));
+                if engine.listed.is_none() {
+                    engine.ahead.extend(engine.list.so_far().map(Ahead::End));
                 }
-            };
-            if let Some(stops) = &mut stops {
-                stops.tile = tile.stops;
             }
-            let is_left = self.entry(engine, &mut tile, walk, stops.as_mut(), others_from, memory);
-            tile.stops = stops.as_ref().map_or(tile.stops, |stops| stops.tile);
-            if is_left {
-                engine.tile = Some(tile);
-                continue;
-            }
-            if let Some(stops) = &mut stops {
-                stops.end(self.lists.of(tile.place).len(), tile.nth);
-            }
-            let done = self.resolve(engine, &tile, stops.as_ref(), memory);
-            if detail >= Detail::Histograms {
-                let (at, entries) = (
-                    tile.corner.map(|at| at / t.timing.tile.side_px),
-                    self.lists.of(tile.place).len() as u32,
-                );
-                let shares = shares[nth].of(engine.all());
-                turns.push((
-                    tile.turn,
-                    TileCycles {
-                        at,
-                        engine: nth as u32,
-                        entries,
-                        done,
-                        cycles: 0,
-                        shares,
-                    },
-                ));
+            // Tiles begin and end in no time.
+            let engine = &mut engines[nth];
+            let mut draws = !self.is_in_order || step == Step::Record;
+            let own = nth % walks.len();
+            while let Some(ahead) = engine
+                .ahead
+                .pop_front_if(|ahead| draws || !matches!(ahead, Ahead::Entry(_)))
+            {
+                draws = !self.is_in_order;
+                let Some((tile, list, done)) =
+                    self.draw(engine, ahead, &mut walks[own], stops.as_mut(), memory)
+                else {
+                    continue;
+                };
+                if detail >= Detail::Histograms {
+                    let (at, entries) = (
+                        tile.corner.map(|at| at / t.timing.tile.side_px),
+                        self.lists.of(tile.place).len() as u32,
+                    );
+                    let others = engine.all().skip(1).flat_map(Unit::so_far);
+                    let shares = shares[nth].of(iter::once(list).chain(others));
+                    turns.push((
+                        tile.turn,
+                        TileCycles {
+                            at,
+                            engine: nth as u32,
+                            entries,
+                            done,
+                            cycles: 0,
+                            shares,
+                        },
+                    ));
+                }
             }
         }
         sort.extend(self.sorters.into_iter().flat_map(|sorters| sorters.end().0));
@@ -528,23 +614,45 @@ impl<'a> SecondPass<'a> {
         (engines, stamps, tiles, stops.map(|stops| stops.saved))
     }
 
-    /// Whether an engine has, or will have, something to draw.
+    /// Whether an engine has, or will have, a list to read.
     fn is_at_work(&self, engine: &Engine) -> bool {
-        engine.tile.is_some() || !self.queue.is_empty()
+        engine.listed.is_some() || !self.queue.is_empty()
     }
 
-    /// The engine whose list unit can take an entry first, and the cycle.
-    fn next(&self, engines: &[Engine]) -> Option<(u64, usize)> {
-        let from = |engine: &Engine| match engine.tile {
+    /// The cycle from which list leaves its tile because all pixels have stopped, by the stamps that
+    /// were taken so far.
+    fn stopped(&self, engine: &Engine, listed: &ListedTile) -> u64 {
+        match &engine.drawn {
+            Some(drawn) if self.leaves_stopped && drawn.place == listed.place => drawn.stops.all(),
+            _ => u64::MAX,
+        }
+    }
+
+    /// The engine with the first step, its cycle, and the step. Cycles that are not known yet depend
+    /// on steps before.
+    fn next(&self, engines: &[Engine]) -> Option<(u64, Step, usize)> {
+        let list_from = |engine: &Engine| match &engine.listed {
+            Some(listed) if self.is_in_order => {
+                let (ready, stopped) = (engine.ready(), self.stopped(engine, listed));
+                let taken = engine.list.when(ready);
+                let from = taken.min(engine.free().max(stopped));
+                (from < u64::MAX).then_some(from)
+            }
             Some(_) => Some(engine.free()),
             None => {
                 let (_, tile) = self.queue.front()?;
                 Some(engine.free().max(self.sorted(*tile)?).max(self.taken))
             }
         };
-        (engines.iter().enumerate())
-            .filter_map(|(nth, engine)| from(engine).map(|from| (from, nth)))
-            .min()
+        let steps = |(nth, engine): (usize, &Engine)| {
+            let record = match engine.ahead.front() {
+                Some(Ahead::Entry(read)) => Some((read.record_from, Step::Record, nth)),
+                _ => None,
+            };
+            let list = list_from(engine).map(|from| (from, Step::List, nth));
+            list.into_iter().chain(record).min()
+        };
+        engines.iter().enumerate().filter_map(steps).min()
     }
 
     /// The cycle from which the list of a tile can be read; none as long as it is not sorted.
@@ -555,20 +663,33 @@ impl<'a> SecondPass<'a> {
     }
 
     /// An engine takes the next tile.
-    fn begin(&mut self, engine: &mut Engine, stops: Option<&mut StopMap>) -> TileState {
-        let t = &self.t.timing;
+    fn begin(&mut self, engine: &mut Engine) -> TakenTile {
         let (turn, place) = self.queue.pop_front().unwrap_or_default();
         let sorted = self.sorted(place).unwrap_or(0);
         engine.list_from = engine.list_from.max(sorted).max(self.taken);
         self.taken = engine.free();
+        engine.listed = Some(ListedTile {
+            place,
+            nth: 0,
+            bursts: 0,
+            burst_here: 0,
+        });
+        let from = engine.free();
+        TakenTile { place, turn, from }
+    }
+
+    /// An engine begins to draw a tile.
+    fn begin_drawing(
+        &self,
+        engine: &mut Engine,
+        TakenTile { place, turn, from }: TakenTile,
+        stops: Option<&mut StopMap>,
+    ) -> DrawnTile {
+        let t = &self.t.timing;
         let corner = [place % self.lists.columns, place / self.lists.columns]
             .map(|at| at as u32 * t.tile.side_px);
         // The only engine can resolve a tile without stamps before its list is read.
-        engine.merge.written = if self.t.engines == 1 {
-            self.from
-        } else {
-            engine.free()
-        };
+        engine.merge.written = if self.t.engines == 1 { self.from } else { from };
         let stops = stops.map_or_else(stops::TileStops::default, |stops| {
             stops.begin(corner, t.tile.side_px);
             stops.tile
@@ -577,35 +698,70 @@ impl<'a> SecondPass<'a> {
         if let Some(cycles) = t.tile.clear_cycles.filter(|cycles| *cycles > 0) {
             buffer_free = buffer_free.max(engine.written) + u64::from(cycles);
         }
-        TileState {
+        DrawnTile {
             place,
             turn,
             corner,
             nth: 0,
             boxed: 0,
-            bursts: 0,
-            burst_here: 0,
             buffer_free,
             stops,
             back: WriteBack::default(),
         }
     }
 
-    /// Draws the next entry of a tile; returns whether there are more. No other engine sends a
-    /// request before `before`.
+    /// Draws what list has read; returns a tile that is done, the state of list behind it, and the
+    /// cycle of its last word.
+    #[inline(always)]
+    fn draw(
+        &self,
+        engine: &mut Engine,
+        ahead: Ahead,
+        walk: &mut Stamps,
+        mut stops: Option<&mut StopMap>,
+        memory: &mut Memory,
+    ) -> Option<(DrawnTile, (u64, Account), u64)> {
+        if let (Some(stops), Some(tile)) = (&mut stops, &engine.drawn) {
+            stops.tile = tile.stops;
+        }
+        match ahead {
+            Ahead::Tile(taken) => {
+                let tile = self.begin_drawing(engine, taken, stops);
+                walk.begin(tile.corner.map(|at| at as u16));
+                let footprints = &mut engine.footprints;
+                self.work.look_up(self.lists.of(taken.place), footprints);
+                engine.drawn = Some(tile);
+                None
+            }
+            Ahead::Entry(read) => {
+                let mut tile = engine.drawn.take()?;
+                self.entry(engine, &mut tile, read, walk, stops.as_deref_mut(), memory);
+                tile.stops = stops.map_or(tile.stops, |stops| stops.tile);
+                engine.drawn = Some(tile);
+                None
+            }
+            Ahead::End(list) => {
+                let tile = engine.drawn.take()?;
+                let done = self.resolve(engine, &tile, stops.as_deref(), memory);
+                Some((tile, list, done))
+            }
+        }
+    }
+
+    /// Draws an entry of a tile that was read.
+    #[inline(always)]
     fn entry(
         &self,
         engine: &mut Engine,
-        tile: &mut TileState,
+        tile: &mut DrawnTile,
+        read: ReadEntry,
         walk: &mut Stamps,
         stops: Option<&mut StopMap>,
-        others_from: u64,
         memory: &mut Memory,
-    ) -> bool {
+    ) {
         let entries = self.lists.of(tile.place);
-        let Some(mut from) = self.fetch(engine, tile, stops.as_deref(), others_from, memory) else {
-            return false;
-        };
+        let record = self.read_record(engine, tile, read, memory);
+        let mut from = (read.now + 1, record);
         let Engine {
             list,
             fill,
@@ -636,7 +792,7 @@ impl<'a> SecondPass<'a> {
             let taken = fill.drop_entry(from, stops.as_deref());
             list.behind.give(taken);
             tile.nth += 1;
-            return !is_last;
+            return;
         }
         let footprint = &footprints[tile.nth];
         if let Some(masks) = masks {
@@ -685,22 +841,22 @@ impl<'a> SecondPass<'a> {
         };
         list.behind.give(taken);
         tile.nth += 1;
-        tile.nth < entries.len()
     }
 
-    /// Reads the next entry of a tile, and its record: the cycle from which raster can take it, and
-    /// the arrival of the record. None if the tile has stopped.
+    /// List reads the next entry of its tile; or leaves the tile because all its pixels have
+    /// stopped, and returns none. No other engine sends a request before `others_from`.
     #[inline(always)]
-    fn fetch(
+    fn read(
         &self,
         engine: &mut Engine,
-        tile: &mut TileState,
-        stops: Option<&StopMap>,
+        stops: Option<&mut StopMap>,
         others_from: u64,
         memory: &mut Memory,
-    ) -> Option<(u64, u64)> {
+    ) -> Option<ReadEntry> {
         let t = self.t;
-        let burst = u64::from(t.timing.memory.burst_bytes);
+        let mut listed = engine.listed.take()?;
+        let entries = self.lists.of(listed.place).len();
+        let (ready, stopped) = (engine.ready(), self.stopped(engine, &listed));
         let Engine {
             list,
             merge,
@@ -709,60 +865,75 @@ impl<'a> SecondPass<'a> {
             list_from,
             ..
         } = engine;
-        let entry = self.lists.of(tile.place)[tile.nth];
-        let needed = ((tile.nth as u64 + 1) * u64::from(t.entry_bytes())).div_ceil(burst);
-        let ready = Ready {
-            here: *list_from,
-            memory: outstanding.free(),
-            room: list.behind.free(),
-            ..Ready::default()
-        };
-        // Every entry of a kept list is read, because its key is needed in the next frame.
-        if let Some(stops) = stops
-            && !self.lists.are_kept()
-            && stops.all() <= list.when(ready)
-        {
+        let mut read = None;
+        if self.leaves_stopped && stopped <= list.when(ready) {
             // The rest of the tile.
-            *list_from = list.free().max(ready.here).max(stops.all());
+            *list_from = list.free().max(ready.here).max(stopped);
             list.stall(Ready {
                 memory: ready.memory.min(*list_from),
                 room: ready.room.min(*list_from),
                 ..ready
             });
-            return None;
-        }
-        let now = list.take(ready, 1);
-        list.behind.take(now);
-        // A unit that stalls for texels is behind list: resolve can request texels of a tile
-        // without entries.
-        let requested_from = if merge.texels.is_none() {
-            now
         } else {
-            merge.free().min(resolve.free())
-        };
-        memory.forget(now.min(others_from).min(requested_from));
-        if needed > tile.bursts {
-            let address = list_address(t, tile.place) + tile.bursts * burst;
-            tile.burst_here =
-                memory.request(now, Requester::Lists, Direction::Read, address, burst);
-            outstanding.push(tile.burst_here);
-            tile.bursts = needed;
+            let burst = u64::from(t.timing.memory.burst_bytes);
+            let needed = ((listed.nth as u64 + 1) * u64::from(t.entry_bytes())).div_ceil(burst);
+            let now = list.take(ready, 1);
+            list.behind.claim();
+            // A unit that stalls for texels is behind list: resolve can request texels of a tile
+            // without entries.
+            let requested_from = if merge.texels.is_none() {
+                now
+            } else {
+                merge.free().min(resolve.free())
+            };
+            memory.forget(now.min(others_from).min(requested_from));
+            if needed > listed.bursts {
+                let address = list_address(t, listed.place) + listed.bursts * burst;
+                listed.burst_here =
+                    memory.request(now, Requester::Lists, Direction::Read, address, burst);
+                outstanding.push(listed.burst_here);
+                listed.bursts = needed;
+            }
+            listed.nth += 1;
+            read = Some(ReadEntry {
+                now,
+                record_from: now.max(listed.burst_here),
+                request: outstanding.reserve(),
+            });
         }
+        if read.is_some() && listed.nth < entries {
+            engine.listed = Some(listed);
+        } else if let Some(stops) = stops {
+            stops.end(entries, listed.nth);
+        }
+        read
+    }
+
+    /// Reads the record of an entry; returns the cycle of its arrival.
+    #[inline(always)]
+    fn read_record(
+        &self,
+        engine: &mut Engine,
+        tile: &DrawnTile,
+        read: ReadEntry,
+        memory: &mut Memory,
+    ) -> u64 {
+        engine.list.behind.count(read.now);
         // Entries of kept lists are numbers of splats in the scene.
         let record = match (&self.work.lists, self.lists.are_kept()) {
             (Some(lists), true) => lists.tiles[tile.place].splats[tile.nth],
-            _ => entry,
+            _ => self.lists.of(tile.place)[tile.nth],
         };
-        let address = RECORDS + u64::from(record) * u64::from(t.prepared_bytes);
+        let bytes = u64::from(self.t.prepared_bytes);
         let here = memory.request(
-            now.max(tile.burst_here),
+            read.record_from,
             Requester::Lists,
             Direction::Read,
-            address,
-            t.prepared_bytes.into(),
+            RECORDS + u64::from(record) * bytes,
+            bytes,
         );
-        outstanding.push(here);
-        Some((now + 1, here))
+        engine.outstanding.set(read.request, here);
+        here
     }
 
     /// Resolves and writes a tile, and the following tiles without an entry; returns the cycle of
@@ -770,7 +941,7 @@ impl<'a> SecondPass<'a> {
     fn resolve(
         &self,
         engine: &mut Engine,
-        tile: &TileState,
+        tile: &DrawnTile,
         stops: Option<&StopMap>,
         memory: &mut Memory,
     ) -> u64 {

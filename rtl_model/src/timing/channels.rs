@@ -7,7 +7,8 @@
 //! ```
 //! Time is counted without refreshes, as if memory slept through them; `awake` and `asleep` convert
 //! between the two times. A refresh is at the end of each interval, and closes every row. The bus
-//! keeps the gaps between its used cycles, as the single channel does.
+//! keeps the gaps between its used cycles, as the single channel does. Transfers fill these gaps
+//! byte by byte. Only those with a turnaround in front of them are moved together.
 //!
 //! The bytes of a request in a channel are next to each other there. Those of one row are moved
 //! together, and if the row was opened for them, all of them arrive after the latency of a closed
@@ -43,9 +44,16 @@ struct Bank(VecDeque<Opened>);
 const ROWS: usize = 32;
 
 impl Bank {
-    /// The place and the cycle in which a request finds its row open, if it does. It is served
-    /// before the bank opens another row.
-    fn finds(&mut self, now: u64, row: u64, refreshes: u64) -> Option<(usize, u64)> {
+    /// The place and the cycle in which a request finds its row open, if it does. `bus` is the first
+    /// cycle in which its transfer can begin, from its own on: it is not before another row is
+    /// opened.
+    fn finds(
+        &mut self,
+        now: u64,
+        row: u64,
+        refreshes: u64,
+        bus: impl Fn(u64) -> u64,
+    ) -> Option<(usize, u64)> {
         let Bank(rows) = self;
         while rows.get(1).is_some_and(|next| next.since <= now) || rows.len() > ROWS {
             rows.pop_front();
@@ -53,7 +61,10 @@ impl Bank {
         let found = rows
             .iter()
             .rposition(|opened| opened.row == row && opened.refreshes == refreshes)?;
-        Some((found, rows[found].since.max(now)))
+        let start = rows[found].since.max(now);
+        let next = rows.get(found + 1);
+        next.is_none_or(|next| bus(start) < next.since)
+            .then_some((found, start))
     }
 
     /// The first cycle from `now` on in which it can open a row: `row_cycles` after the row before,
@@ -257,7 +268,8 @@ impl Channels {
         let nth = row as usize & (channel.banks.len() - 1);
         let rank = nth / d.banks as usize;
         let bank = &mut channel.banks[nth];
-        let found = bank.finds(now, row, between);
+        let bus = |start: u64| channel.bus.first(start * a_cycle) / a_cycle;
+        let found = bank.finds(now, row, between, bus);
         let is_open = found.is_some();
         let [row_cycles, four_rows] = [d.row_cycles, d.four_rows_cycles].map(cycles);
         let (place, start) = found.unwrap_or_else(|| {
@@ -296,10 +308,13 @@ impl Channels {
                 }
             }
         }
-        let moved = channel
-            .bus
-            .take(start * a_cycle, still * a_cycle + bytes * a_byte)
-            .div_ceil(a_cycle);
+        let (from, amount) = (start * a_cycle, still * a_cycle + bytes * a_byte);
+        let end = if still > 0 {
+            channel.bus.take_together(from, amount)
+        } else {
+            channel.bus.take(from, amount)
+        };
+        let moved = end.div_ceil(a_cycle);
         let Bank(rows) = &mut channel.banks[nth];
         rows[place].served = rows[place].served.max(moved);
         let latency = if is_open {

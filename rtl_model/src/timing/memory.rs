@@ -3,8 +3,9 @@
 //! ```text
 //! request ─►( first free cycle of the channel from its own on )─► bytes ÷ bandwidth ─►( + latency of an open or another row )─► done
 //! ```
-//! Items are replayed one by one, each through all units, so requests are not in order of time. The
-//! channel therefore keeps the gaps between its used cycles. A request takes the first free bytes
+//! Items are replayed one by one, each through all units, so requests are not in order of time,
+//! except in a second pass with several engines or with sorters that overlap with it. The channel
+//! therefore keeps the gaps between its used cycles. A request takes the first free bytes
 //! from its cycle on. Rows are opened in the order of requests. Posted writes are done after all
 //! requests of earlier cycles. When the first pass of a binned machine fetches and writes lists,
 //! the earlier unit sends its requests first, if it has room. Ideal memory has no channel: bytes
@@ -144,6 +145,24 @@ impl Free {
         } else {
             self.fill_gaps(now, amount)
         }
+    }
+
+    /// The first that is free from `now` on.
+    pub fn first(&self, now: u64) -> u64 {
+        if self.never_used <= now {
+            return now;
+        }
+        let index = self.gaps.partition_point(|gap| gap.end <= now);
+        let gap = self.gaps.get(index);
+        gap.map_or(self.never_used, |gap| gap.start.max(now))
+    }
+
+    /// Uses the first `amount` that is free together from `now` on; returns its end.
+    pub fn take_together(&mut self, now: u64, amount: u64) -> u64 {
+        let index = self.gaps.partition_point(|gap| gap.end <= now);
+        let first = (self.gaps.range(index..)).find(|gap| gap.end >= now.max(gap.start) + amount);
+        let from = first.map_or(self.never_used, |gap| gap.start);
+        self.take(now.max(from), amount)
     }
 
     fn fill_gaps(&mut self, now: u64, mut amount: u64) -> u64 {
@@ -441,6 +460,15 @@ impl Memory {
 pub struct Outstanding {
     done: Box<[u64]>,
     next: usize,
+    /// Requests so far.
+    count: usize,
+}
+
+/// A request that has a place among the outstanding ones, and is not sent yet.
+#[derive(Clone, Copy, Debug)]
+pub struct Reserved {
+    place: usize,
+    nth: usize,
 }
 
 impl Outstanding {
@@ -448,22 +476,40 @@ impl Outstanding {
         Outstanding {
             done: vec![0; most as usize].into(),
             next: 0,
+            count: 0,
         }
     }
 
-    /// The first cycle in which a further request can be sent.
+    /// The first cycle in which a further request can be sent; `u64::MAX` if it depends on a request
+    /// that is not sent yet.
     pub fn free(&self) -> u64 {
         self.done[self.next]
     }
 
     /// Adds a request that is done in this cycle.
     pub fn push(&mut self, done: u64) {
-        self.done[self.next] = done;
-        self.next = if self.next + 1 == self.done.len() {
+        let request = self.reserve();
+        self.done[request.place] = done;
+    }
+
+    /// Adds a request that is not sent yet.
+    pub fn reserve(&mut self) -> Reserved {
+        let (place, nth) = (self.next, self.count);
+        self.done[place] = u64::MAX;
+        self.next = if place + 1 == self.done.len() {
             0
         } else {
-            self.next + 1
+            place + 1
         };
+        self.count += 1;
+        Reserved { place, nth }
+    }
+
+    /// A request is done in this cycle. It is ignored if a later request has taken its place.
+    pub fn set(&mut self, request: Reserved, done: u64) {
+        if self.count - request.nth <= self.done.len() {
+            self.done[request.place] = done;
+        }
     }
 }
 

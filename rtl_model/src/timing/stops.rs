@@ -57,6 +57,13 @@ pub struct TileStops {
     left_out: u64,
 }
 
+impl TileStops {
+    /// The cycle from which the whole tile has stopped, by the stamps taken so far.
+    pub fn all(&self) -> u64 {
+        if self.left == 0 { self.last } else { u64::MAX }
+    }
+}
+
 impl StopMap {
     /// For a frame in which pixels stop.
     pub fn new(work: &Work) -> Option<Self> {
@@ -127,11 +134,7 @@ impl StopMap {
 
     /// The cycle from which the whole tile has stopped, by the stamps taken so far.
     pub fn all(&self) -> u64 {
-        if self.tile.left == 0 {
-            self.tile.last
-        } else {
-            u64::MAX
-        }
+        self.tile.all()
     }
 
     /// Raster left out a stamp that fragment would have taken.

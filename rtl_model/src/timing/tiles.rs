@@ -97,10 +97,10 @@ impl Shares {
         }
     }
 
-    /// Shares of the next finished tile.
-    pub fn of<'a>(&mut self, units: impl Iterator<Item = &'a Unit>) -> Vec<Share> {
+    /// Shares of the next finished tile, from the state of each unit behind it.
+    pub fn of(&mut self, units: impl Iterator<Item = (u64, Account)>) -> Vec<Share> {
         let from = self.from;
-        let all: Vec<(u64, Account)> = units.flat_map(Unit::so_far).collect();
+        let all: Vec<(u64, Account)> = units.collect();
         self.before.resize(all.len(), (from, Account::default()));
         let share = |(before, (free, all)): (&mut (u64, Account), (u64, Account))| {
             let until = free.max(from);

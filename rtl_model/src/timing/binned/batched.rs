@@ -15,7 +15,7 @@
 use super::super::account::{Account, Detail, Unit};
 use super::super::stages::{light, merges_of};
 use super::super::stamps::{Piece, Stamps, cuts};
-use super::{Engine, Listed, Lists, SecondPass, TileState};
+use super::{DrawnTile, Engine, Listed, Lists, SecondPass};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::kernels::host::{Kernel, vectorised};
@@ -169,6 +169,28 @@ struct BatchedMachine<'a> {
     engine: Engine<'a>,
 }
 
+impl BatchedMachine<'_> {
+    /// The engine takes the next tile, and begins to draw it.
+    fn begin(&mut self) -> DrawnTile {
+        let taken = self.pass.begin(&mut self.engine);
+        self.pass.begin_drawing(&mut self.engine, taken, None)
+    }
+
+    /// Reads the next entry of a tile, and its record: the cycles from which raster can take it, and
+    /// in which the record arrives.
+    #[inline(always)]
+    fn read(&mut self, tile: &mut DrawnTile) -> [u64; 2] {
+        let memory = &mut self.listed.memory;
+        let read = self.pass.read(&mut self.engine, None, u64::MAX, memory);
+        let cycles = read.map_or([0; 2], |read| {
+            let here = self.pass.read_record(&mut self.engine, tile, read, memory);
+            [read.now + 1, here]
+        });
+        tile.nth += 1;
+        cycles
+    }
+}
+
 /// Replays all tiles; returns the number of stamps, and of those with a kept pixel.
 struct BatchedTiles<'m, 'a> {
     machines: &'m mut [BatchedMachine<'a>],
@@ -205,10 +227,8 @@ impl Kernel for BatchedTiles<'_, '_> {
             .collect();
         let mut footprints = Vec::new();
         for place in turns {
-            let mut tiles: Vec<TileState> = machines
-                .iter_mut()
-                .map(|machine| machine.pass.begin(&mut machine.engine, None))
-                .collect();
+            let mut tiles: Vec<DrawnTile> =
+                machines.iter_mut().map(BatchedMachine::begin).collect();
             fill.begin(
                 &of_lanes(&tiles, |tile| tile.buffer_free),
                 &of_lanes(machines, |machine| machine.engine.merge.written),
@@ -219,22 +239,8 @@ impl Kernel for BatchedTiles<'_, '_> {
             for (footprint, entry) in footprints.iter().zip(lists.of(place)) {
                 boxed = lists.skip(&mut walk, work, (place, corner), boxed, *entry);
                 let (mut from, mut here) = ([0; LANES], [0; LANES]);
-                for (
-                    nth,
-                    (
-                        BatchedMachine {
-                            listed,
-                            pass,
-                            engine,
-                        },
-                        tile,
-                    ),
-                ) in machines.iter_mut().zip(&mut tiles).enumerate()
-                {
-                    let fetched = pass.fetch(engine, tile, None, u64::MAX, &mut listed.memory);
-                    tile.nth += 1;
-                    [from[nth], here[nth]] =
-                        fetched.map_or([0; 2], |(from, here)| [from as i64, here as i64]);
+                for (nth, (machine, tile)) in machines.iter_mut().zip(&mut tiles).enumerate() {
+                    [from[nth], here[nth]] = machine.read(tile).map(|cycle| cycle as i64);
                 }
                 repeat(&mut from, machines.len());
                 repeat(&mut here, machines.len());
@@ -244,20 +250,12 @@ impl Kernel for BatchedTiles<'_, '_> {
                     machine.engine.list.behind.give(taken as u64);
                 }
             }
-            for (
-                nth,
-                (
-                    BatchedMachine {
-                        listed,
-                        pass,
-                        engine,
-                    },
-                    tile,
-                ),
-            ) in machines.iter_mut().zip(&tiles).enumerate()
-            {
-                engine.merge.written = fill.written.to_array()[nth] as u64;
-                pass.resolve(engine, tile, None, &mut listed.memory);
+            for (nth, (machine, tile)) in machines.iter_mut().zip(&tiles).enumerate() {
+                machine.engine.merge.written = fill.written.to_array()[nth] as u64;
+                let memory = &mut machine.listed.memory;
+                machine
+                    .pass
+                    .resolve(&mut machine.engine, tile, None, memory);
             }
         }
         for (nth, BatchedMachine { engine, .. }) in machines.iter_mut().enumerate() {
