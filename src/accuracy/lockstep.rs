@@ -46,6 +46,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sheets::{SheetPixel, SheetRules};
 use std::any::Any;
+use std::array;
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use window::{SplatLight, WindowPixel, WindowRules};
@@ -198,6 +199,11 @@ impl CheckedTiles {
     }
 }
 
+/// Splats that are set up together.
+const BATCH: usize = 8;
+/// Splats of a tile in `golden` among which the machine's next splat is searched.
+const SEARCHED: usize = 1024;
+
 /// Result of a frame in lockstep.
 #[derive(Clone, Debug)]
 pub struct Lockstep {
@@ -271,7 +277,7 @@ struct FrameContext<'a> {
     windows: Option<WindowRules<'a>>,
     /// Tiles per row.
     columns: usize,
-    /// The splats that reach each tile in `golden`.
+    /// The splats that reach each tile in `golden`, in its order of drawing.
     bins: Vec<Vec<u32>>,
 }
 
@@ -304,7 +310,11 @@ impl<'a> FrameContext<'a> {
         let view = registers.view(&Bounded);
         let columns = scene.image.width.div_ceil(TILE_PX);
         let mut bins = vec![Vec::new(); columns * scene.image.height.div_ceil(TILE_PX)];
-        for (splat, tiles) in reached(scene, &eye) {
+        let mut reached = reached(scene, &eye);
+        if (scene.ellipsoids.as_ref()).is_some_and(|ellipsoids| ellipsoids.sorted) {
+            reached.sort_by(|a, b| a.z.total_cmp(&b.z));
+        }
+        for Reached { splat, tiles, .. } in reached {
             let [left, top, right, bottom] = tiles.map(usize::from);
             for row in top..bottom {
                 bins[row * columns..][left..right]
@@ -352,30 +362,42 @@ impl<'a> FrameContext<'a> {
 
     /// A splat, exact and with the machine's bounds.
     fn splat(&self, index: u32) -> BoundedSplat {
-        let (mut footprint, cull) = self.footprint(index);
+        let [splat] = self.splats([index]);
+        splat
+    }
+
+    /// Splats, exact and with the machine's bounds.
+    fn splats<const ITEMS: usize>(&self, indices: [u32; ITEMS]) -> [BoundedSplat; ITEMS] {
         let registers = Registers {
             scene: self.scene,
             eye: &self.eye,
             machine: self.machine,
             quantised: self.quantised,
         };
-        let mut record = registers.splat(&Bounded, index as usize);
         let frame = &self.quantised.frame;
-        let turned = self.machine.turns_normal(frame, index as usize);
+        let records = indices.map(|index| real::Splat {
+            turned: Some(self.machine.turns_normal(frame, index as usize)),
+            ..registers.splat(&Bounded, index as usize)
+        });
+        let ellipsoids = indices.map(|index| registers.ellipsoid(&Bounded, index as usize));
+        let near = NearFootprint::batch(
+            self.machine,
+            &self.view,
+            &records,
+            ellipsoids.each_ref().map(Option::as_ref),
+            [frame.width, frame.height],
+        );
+        array::from_fn(|item| self.bounded(indices[item], records[item], near[item]))
+    }
+
+    /// A splat with the machine's bounds, which its record has.
+    fn bounded(&self, index: u32, record: real::Splat<Near>, near: NearFootprint) -> BoundedSplat {
+        let (mut footprint, cull) = self.footprint(index);
+        let turned = record.turned == Some(true);
         let turns_differently = self.common.rules.turn_normals && turned != footprint.faces_away();
-        record.turned = Some(turned);
         if turned {
             footprint.normal = -footprint.normal;
         }
-        let ellipsoid = registers.ellipsoid(&Bounded, index as usize);
-        let size_px = [self.quantised.frame.width, self.quantised.frame.height];
-        let near = NearFootprint::new(
-            self.machine,
-            &self.view,
-            &record,
-            ellipsoid.as_ref(),
-            size_px,
-        );
         // The machine's normals around golden's own.
         let normal = [0, 1, 2].map(|axis| near.ellipse.normal[axis].around(footprint.normal[axis]));
         let mut rgb = record.rgb;
@@ -417,6 +439,11 @@ impl<'a> FrameContext<'a> {
             turns_differently,
             own,
         }
+    }
+
+    /// Number of a pixel's tile.
+    fn tile(&self, [x, y]: [u32; 2]) -> usize {
+        y as usize / TILE_PX * self.columns + x as usize / TILE_PX
     }
 
     /// Whether a pixel's tile is checked.
@@ -522,17 +549,29 @@ impl<'a> FrameContext<'a> {
     }
 }
 
-/// The splats that `golden` draws, each with the tiles of its box: first column and row, end column
-/// and row.
-fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
+/// A splat that `golden` draws.
+struct Reached {
+    splat: u32,
+    z: f64,
+    /// Tiles of its box: first column and row, end column and row.
+    tiles: [u16; 4],
+}
+
+/// The splats that `golden` draws, in the order of the scene.
+fn reached(scene: &Scene, eye: &View) -> Vec<Reached> {
     let rectangle = |index: usize| {
         let (footprint, cull) = set_up_with_cull(scene, eye, index, scene.least_weight());
+        let z = footprint.z();
         let (columns, rows) = (footprint.columns, footprint.rows);
         let drawn = cull.is_none() && !columns.is_empty() && !rows.is_empty();
         let [first, end] = [[columns.start, rows.start], [columns.end, rows.end]];
         let [left, top] = first.map(|pixel| (pixel as usize / TILE_PX) as u16);
         let [right, bottom] = end.map(|pixel| (pixel as usize).div_ceil(TILE_PX) as u16);
-        drawn.then_some((index as u32, [left, top, right, bottom]))
+        drawn.then_some(Reached {
+            splat: index as u32,
+            z,
+            tiles: [left, top, right, bottom],
+        })
     };
     (0..scene.splats.len())
         .into_par_iter()
@@ -608,6 +647,8 @@ struct LockstepProbe<'a> {
     /// Splats of the previous tile and of the current one that continue to the right, probably into
     /// the next tile. They are set up once for both.
     continued: [BTreeMap<u32, Box<BoundedSplat>>; 2],
+    /// Splats of the tile in `golden` up to the last one that was set up.
+    passed: usize,
     /// Pixels of the tile that the current splat reached.
     reached: Mask,
     /// Earlier splats that reached a pixel of the tile.
@@ -627,6 +668,7 @@ impl<'a> LockstepProbe<'a> {
             windows: Vec::new(),
             splat: None,
             continued: Default::default(),
+            passed: 0,
             reached: Mask::default(),
             touched: Vec::new(),
             tile: TileResult::default(),
@@ -708,6 +750,32 @@ impl<'a> LockstepProbe<'a> {
         });
     }
 
+    /// Sets a splat up that reaches a pixel, together with the next ones of the tile in `golden`,
+    /// which the machine probably draws next.
+    fn set_up(&mut self, splat: u32, [x, y]: [u32; 2]) -> Box<BoundedSplat> {
+        let stage = self.stage;
+        let bin = &stage.bins[stage.tile([x, y])];
+        let (mut indices, mut count) = ([splat; BATCH], 1);
+        let mut near = bin[self.passed..].iter().take(SEARCHED);
+        if let Some(at) = near.position(|index| *index == splat) {
+            self.passed += at + 1;
+            let next = bin[self.passed..].iter().copied();
+            let new = next.filter(|index| !self.continued[0].contains_key(index));
+            for (place, index) in indices[1..].iter_mut().zip(new) {
+                *place = index;
+                count += 1;
+            }
+        }
+        if count == 1 {
+            return Box::new(stage.splat(splat));
+        }
+        let [splat, next @ ..] = stage.splats(indices);
+        for next in next.into_iter().take(count - 1) {
+            self.continued[0].insert(next.index, Box::new(next));
+        }
+        Box::new(splat)
+    }
+
     /// Ends the current splat in the tile that begins at (`left`, `top`): contributions that only
     /// `golden` has are lost.
     fn end_splat(&mut self, [left, top]: [u32; 2]) {
@@ -730,12 +798,9 @@ impl<'a> LockstepProbe<'a> {
     fn find_lost(&mut self, tile: usize, [left, top]: [u32; 2]) {
         let stage = self.stage;
         let mut touched = std::mem::take(&mut self.touched);
-        // A machine that sorts does not draw splats in the order of their numbers.
         touched.sort_unstable();
-        let mut touched = touched.into_iter().peekable();
         for &index in &stage.bins[tile] {
-            while touched.next_if(|splat| *splat < index).is_some() {}
-            if touched.peek() == Some(&index) {
+            if touched.binary_search(&index).is_ok() {
                 continue;
             }
             let (footprint, _) = stage.footprint(index);
@@ -903,9 +968,10 @@ impl<'a> Observer<'a> for LockstepProbe<'a> {
             other => {
                 self.splat = other;
                 self.end_splat([x, y].map(|at| at - at % TILE_PX as u32));
-                self.continued[0]
-                    .remove(&contribution.splat)
-                    .unwrap_or_else(|| Box::new(self.stage.splat(contribution.splat)))
+                match self.continued[0].remove(&contribution.splat) {
+                    Some(splat) => splat,
+                    None => self.set_up(contribution.splat, [x, y]),
+                }
             }
         };
         let pixel = in_tile(x, y);
@@ -967,7 +1033,8 @@ impl<'a> Observer<'a> for LockstepProbe<'a> {
         self.sheets = Vec::new();
         self.windows = Vec::new();
         self.end_splat([x, y]);
-        let index = y as usize / TILE_PX * self.stage.columns + x as usize / TILE_PX;
+        let index = self.stage.tile([x, y]);
+        self.passed = 0;
         self.find_lost(index, [x, y]);
         self.continued.swap(0, 1);
         self.continued[1].clear();

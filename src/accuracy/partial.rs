@@ -31,10 +31,14 @@ use rayon::prelude::*;
 use rtl_model::elaboration::{Signal, unit};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::real::walked;
+use rtl_model::real::frame::Splat;
 use rtl_model::real::{MixedPrecision, Switches};
+use rtl_model::units::ellipse::real::Output;
+use rtl_model::units::project::real::Projected;
 use rtl_model::units::raster::real::Input;
 use rtl_model::units::shade::real::{Lighting, Sums};
 use sheets::SheetPixels;
+use std::array;
 use std::ops::Range;
 use window::WindowPixels;
 
@@ -154,6 +158,9 @@ pub struct MixedDrawing<'a> {
     rules: Rules,
 }
 
+/// Splats that are set up together.
+const BATCH: usize = 8;
+
 impl<'a> MixedDrawing<'a> {
     /// The drawing of `scene` on `machine`.
     pub fn new(scene: &'a Scene, machine: &'a Elaborated, quantised: &'a Quantised) -> Self {
@@ -183,11 +190,8 @@ impl<'a> MixedDrawing<'a> {
         let preshaded = ellipsoids.is_some_and(|ellipsoids| ellipsoids.preshaded);
         let windows = self.quantised.frame.window.is_some();
         let lighting = (preshaded || windows).then(|| registers.lighting(&hold));
-        let one = |index: usize| {
-            let splat = registers.splat(&hold, index);
-            let (point, ellipse) =
-                self.machine
-                    .real_set_up(&view, &splat, registers.ellipsoid(&hold, index).as_ref());
+        type SetUp<'a> = (Projected<MixedPrecision<'a>>, Output<MixedPrecision<'a>>);
+        let one = |index: usize, splat: &Splat<MixedPrecision>, (point, ellipse): SetUp| {
             let backface = self.scene.surface.cull_backfaces && ellipse.facing.value > 0.0;
             let is_dark = |number: MixedPrecision| number.value == 0.0 || number.value.is_nan();
             let faint = [
@@ -248,9 +252,22 @@ impl<'a> MixedDrawing<'a> {
             };
             (!footprint.columns.is_empty() && !footprint.rows.is_empty()).then_some(footprint)
         };
-        let mut footprints: Vec<Footprint> = (0..self.scene.splats.len())
+        let splats = self.scene.splats.len();
+        // The last batch repeats the last splat.
+        let batch = |nth: usize| {
+            let indices: [usize; BATCH] =
+                array::from_fn(|item| (nth * BATCH + item).min(splats - 1));
+            let all = indices.map(|index| registers.splat(&hold, index));
+            let ellipsoids = indices.map(|index| registers.ellipsoid(&hold, index));
+            let ellipsoids = ellipsoids.each_ref().map(Option::as_ref);
+            let set_up = self.machine.real_set_up(&view, &all, ellipsoids);
+            let items = indices.into_iter().zip(all).zip(set_up);
+            let items = items.take(splats - nth * BATCH);
+            items.filter_map(|((index, splat), set_up)| one(index, &splat, set_up))
+        };
+        let mut footprints: Vec<Footprint> = (0..splats.div_ceil(BATCH))
             .into_par_iter()
-            .filter_map(one)
+            .flat_map_iter(batch)
             .collect();
         let order = self.order(choice, &footprints);
         if let Some(order) = order {

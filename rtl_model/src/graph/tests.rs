@@ -1,5 +1,6 @@
 //! Graph: laws of its passes, on random graphs.
 
+use super::real::{Bounded, Given};
 use super::*;
 use crate::elaboration::Elaboration;
 use crate::elaboration::latency::Path;
@@ -8,6 +9,7 @@ use crate::machine::FunctionUnit;
 use crate::num::tests::also_floating;
 use crate::num::{Format, LANES, Overflow, Rounding, Word};
 use crate::probe::{NoProbe, Ranges};
+use crate::real::{Near, power_of_two};
 use proptest::prelude::*;
 
 /// A word of an operator's result, as random numbers.
@@ -201,6 +203,34 @@ proptest! {
         prop_assert_eq!(format!("{by_batch:?}"), format!("{seen:?}"));
         if let Some(host) = Vectorised::detect() {
             prop_assert_eq!(&run(host, &graph, &items, &mut NoProbe), &expected);
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_batch_of_reals_has_the_results_of_its_items(
+        inputs in prop::collection::vec(words(), 1..4),
+        choices in prop::collection::vec((any::<u8>(), any::<u16>(), any::<u16>(), words()), 1..20),
+        seeds in any::<[[i32; 4]; 3]>(),
+        turned in any::<[Option<bool>; 3]>(),
+    ) {
+        let graph = graph(&inputs, &choices);
+        let asked = graph.asked_for_results();
+        let of_item = |seeds: &[i32; 4], nth: usize| {
+            let value = f64::from(seeds[nth]) * power_of_two(-inputs[nth].format.frac_bits);
+            Bounded::of(Near::within(value, value * power_of_two(-20)))
+        };
+        let of_items = |nth| seeds.each_ref().map(|seeds| of_item(seeds, nth));
+        let all: Vec<[Bounded<Near>; 3]> = (0..inputs.len()).map(of_items).collect();
+        let together = graph.bounded(&asked, &Given { inputs: &all, turned }, |_, x| x);
+        for (item, turned) in turned.into_iter().enumerate() {
+            let inputs: Vec<[Bounded<Near>; 1]> = all.iter().map(|all| [all[item]]).collect();
+            let given = Given { inputs: &inputs, turned: [turned] };
+            let alone = graph.bounded(&asked, &given, |_, x| x).map(|[result]| result);
+            // Also for NaN.
+            let batched = together.map(|results| results[item]);
+            prop_assert_eq!(format!("{batched:?}"), format!("{alone:?}"));
         }
     }
 }

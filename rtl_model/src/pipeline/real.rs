@@ -10,6 +10,7 @@ use crate::units::fragment::sheets;
 use crate::units::fragment::sheets::real::Ratio;
 use crate::units::shade::real::{Lighting, Sums};
 use crate::units::{ellipse, project, raster};
+use std::array;
 use std::ops::Range;
 
 /// A splat that has been set up, as exact arithmetic and the machine both understand it.
@@ -34,15 +35,25 @@ pub struct Contribution {
 }
 
 impl Footprint {
-    /// Sets a splat up for a picture of `size_px`.
-    pub fn new(
+    /// Sets splats up for a picture of `size_px`, as [`Elaborated::real_set_up`].
+    pub fn batch<const ITEMS: usize>(
         machine: &Elaborated,
         view: &View<Near>,
-        splat: &Splat<Near>,
-        ellipsoid: Option<&Ellipsoid<Near>>,
+        splats: &[Splat<Near>; ITEMS],
+        ellipsoids: [Option<&Ellipsoid<Near>>; ITEMS],
+        size_px: [u32; 2],
+    ) -> [Self; ITEMS] {
+        machine
+            .real_set_up(view, splats, ellipsoids)
+            .map(|(point, ellipse)| Footprint::new(machine, point, ellipse, size_px))
+    }
+
+    fn new(
+        machine: &Elaborated,
+        point: project::real::Projected<Near>,
+        ellipse: ellipse::real::Output<Near>,
         size_px: [u32; 2],
     ) -> Self {
-        let (point, ellipse) = machine.real_set_up(view, splat, ellipsoid);
         // The box is seeded at its first pixel, or where it enters the picture.
         let reach = two!(axis => {
             let to_edge = (f64::from(size_px[axis]) / 2.0 + point.pixel[axis].high()).max(0.0);
@@ -90,22 +101,24 @@ pub fn walked<R: Real>(
 }
 
 impl Elaborated {
-    /// Project and ellipse, of a disc or of an ellipsoid.
-    pub fn real_set_up<R: Real>(
+    /// Project and ellipse, of discs or of ellipsoids of one kind.
+    pub fn real_set_up<R: Real, const ITEMS: usize>(
         &self,
         view: &View<R>,
-        splat: &Splat<R>,
-        ellipsoid: Option<&Ellipsoid<R>>,
-    ) -> (project::real::Projected<R>, ellipse::real::Output<R>) {
-        let point = self.project.real(view, splat.position);
-        let input = ellipse::real::Input {
-            splat: *splat,
-            forward: point.camera[2],
-            exponent: point.exponent,
-            inverse_depth: point.inverse_depth,
-            slope: point.slope,
-        };
-        (point, self.ellipse.real(view, ellipsoid, &input))
+        splats: &[Splat<R>; ITEMS],
+        ellipsoids: [Option<&Ellipsoid<R>>; ITEMS],
+    ) -> [(project::real::Projected<R>, ellipse::real::Output<R>); ITEMS] {
+        let positions = splats.each_ref().map(|splat| splat.position);
+        let points = self.project.real(view, positions);
+        let inputs = array::from_fn(|item| ellipse::real::Input {
+            splat: splats[item],
+            forward: points[item].camera[2],
+            exponent: points[item].exponent,
+            inverse_depth: points[item].inverse_depth,
+            slope: points[item].slope,
+        });
+        let ellipses = self.ellipse.real(view, ellipsoids, &inputs);
+        array::from_fn(|item| (points[item], ellipses[item]))
     }
 
     /// Whether the machine turns the normal of a frame's splat towards the viewer.

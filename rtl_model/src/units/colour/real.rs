@@ -16,20 +16,20 @@ impl Colour {
         coefficients: impl IntoIterator<Item = [R; 3]>,
     ) -> [R; 3] {
         let zero = position[0].constant_like(0.0);
-        let inputs: Vec<Bounded<R>> = position
+        let inputs: Vec<[Bounded<R>; 1]> = position
             .into_iter()
             .chain(eye)
             .chain(coefficients.into_iter().flatten())
             .chain(std::iter::repeat(zero))
             .take(Colour::input(self.coefficients, 0))
-            .map(Bounded::of)
+            .map(|input| [Bounded::of(input)])
             .collect();
         let given = Given {
             inputs: &inputs,
-            turned: None,
+            turned: [None],
         };
         self.graph
             .bounded(&self.asked, &given, |_, x| x)
-            .map(|channel| channel.value)
+            .map(|[channel]| channel.value)
     }
 }

@@ -1,7 +1,6 @@
 //! Contribution over the reals: r at the leaders of a block, as the unit has it.
 
 use super::{Contribution, INPUTS, MOST_LEADERS};
-use crate::graph::real::{Bounded, Given};
 use crate::num::two;
 use crate::real::Real;
 
@@ -36,12 +35,6 @@ impl Contribution {
             constant(middle[0]),
             constant(middle[1]),
         ];
-        let given = Given {
-            inputs: &inputs.map(Bounded::of),
-            turned: None,
-        };
-        self.graph
-            .bounded(&self.asked, &given, |_, index| index)
-            .map(|radial| radial.value)
+        self.graph.real(&self.asked, inputs, |_, index| index)
     }
 }

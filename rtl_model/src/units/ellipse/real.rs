@@ -9,6 +9,7 @@ use super::{Ellipse, ellipsoid};
 use crate::graph::real::{Bounded, Given};
 use crate::real::frame::{Ellipsoid, Orientation, Splat, View};
 use crate::real::{Real, Scale};
+use std::array;
 
 /// Input port.
 #[derive(Clone, Copy, Debug)]
@@ -49,41 +50,58 @@ pub struct Output<R> {
 }
 
 impl Ellipse {
-    /// Sets a disc or an ellipsoid up.
-    pub fn real<R: Real>(
+    /// Sets discs or ellipsoids up: ellipsoids of the kind of `ellipsoids[0]`, if there is one.
+    pub fn real<R: Real, const ITEMS: usize>(
         &self,
         view: &View<R>,
-        ellipsoid: Option<&Ellipsoid<R>>,
-        input: &Input<R>,
-    ) -> Output<R> {
-        let kind = ellipsoid.map(|of| ellipsoid::Variant {
+        ellipsoids: [Option<&Ellipsoid<R>>; ITEMS],
+        items: &[Input<R>; ITEMS],
+    ) -> [Output<R>; ITEMS] {
+        let kind = ellipsoids[0].map(|of| ellipsoid::Variant {
             own: matches!(of.orientation, Orientation::Own { .. }),
             amplitude: of.amplitude,
         });
         let variant = self.variant(view.aspect.is_some(), kind);
-        let ([n, m, o], [a, b]) = (input.splat.normal, input.slope);
-        let (none, value) = (R::constant(0.0), Bounded::of);
+        let none = R::constant(0.0);
+        let value = |number: R| [Bounded::of(number); ITEMS];
+        let each =
+            |of: &dyn Fn(&Input<R>) -> R| array::from_fn(|item| Bounded::of(of(&items[item])));
+        let exponents = |of: &dyn Fn(&Input<R>) -> Scale| {
+            array::from_fn(|item| Bounded::exponent(of(&items[item])))
+        };
         // The position of the box decides nothing here.
         let mut inputs = vec![
-            value(n),
-            value(m),
-            value(o),
-            value(input.splat.radius),
-            Bounded::exponent(input.exponent),
-            value(input.forward),
-            value(input.inverse_depth),
-            Bounded::exponent(input.forward.leading().inverse()),
-            value(a),
-            value(b),
+            each(&|item| item.splat.normal[0]),
+            each(&|item| item.splat.normal[1]),
+            each(&|item| item.splat.normal[2]),
+            each(&|item| item.splat.radius),
+            exponents(&|item| item.exponent),
+            each(&|item| item.forward),
+            each(&|item| item.inverse_depth),
+            exponents(&|item| item.forward.leading().inverse()),
+            each(&|item| item.slope[0]),
+            each(&|item| item.slope[1]),
             value(none),
             value(none),
         ];
-        let ellipsoid = ellipsoid.filter(|_| variant.ellipsoid.is_some());
-        if let Some(of) = ellipsoid {
-            inputs.extend([input.splat.opacity, of.cutoff].map(value));
-            if let Orientation::Own { quaternion, scales } = of.orientation {
-                inputs.extend(quaternion.map(value));
-                inputs.extend(scales.map(value));
+        let ellipsoid = ellipsoids[0].filter(|_| variant.ellipsoid.is_some());
+        if let Some(first) = ellipsoid {
+            let own = |of: &dyn Fn(&Ellipsoid<R>) -> R| {
+                ellipsoids.map(|of_item| Bounded::of(of(of_item.unwrap_or(first))))
+            };
+            inputs.push(each(&|item| item.splat.opacity));
+            inputs.push(own(&|of| of.cutoff));
+            if let Orientation::Own { .. } = first.orientation {
+                let part = |nth: usize| {
+                    own(&|of| match of.orientation {
+                        Orientation::Own { quaternion, scales } => match nth {
+                            0..4 => quaternion[nth],
+                            _ => scales[nth - 4],
+                        },
+                        Orientation::Frame { .. } => none,
+                    })
+                };
+                inputs.extend((0..7).map(part));
             }
         }
         inputs.extend(view.rotation.as_flattened().iter().copied().map(value));
@@ -103,7 +121,7 @@ impl Ellipse {
         let steps = if variant.has_aspect { 2 } else { 1 };
         for inverse_focal in view.inverse_focals.into_iter().take(steps) {
             inputs.extend([
-                Bounded::exponent(inverse_focal.leading().shifted(1)),
+                [Bounded::exponent(inverse_focal.leading().shifted(1)); ITEMS],
                 value(inverse_focal),
             ]);
         }
@@ -121,39 +139,38 @@ impl Ellipse {
         let datapath = self.datapath(variant);
         let given = Given {
             inputs: &inputs,
-            turned: input.splat.turned,
+            turned: items.each_ref().map(|item| item.splat.turned),
         };
-        let results = datapath
-            .graph
-            .bounded(&datapath.bounds, &given, |_, x| x)
-            .map(|result| result.value);
-        let [
-            n,
-            m,
-            o,
-            facing_viewer,
-            facing,
-            determinant,
-            xx,
-            xy,
-            yy,
-            amplitude,
-            width,
-            height,
-            slope_x,
-            slope_y,
-            depth_range,
-        ] = results;
-        Output {
-            normal: [n, m, o],
-            facing_viewer,
-            facing,
-            determinant,
-            conic: [xx, xy, yy],
-            amplitude,
-            extent: [width, height],
-            depth_slope: [slope_x, slope_y],
-            depth_range,
-        }
+        let results = datapath.graph.bounded(&datapath.bounds, &given, |_, x| x);
+        array::from_fn(|item| {
+            let [
+                n,
+                m,
+                o,
+                facing_viewer,
+                facing,
+                determinant,
+                xx,
+                xy,
+                yy,
+                amplitude,
+                width,
+                height,
+                slope_x,
+                slope_y,
+                depth_range,
+            ] = results.each_ref().map(|result| result[item].value);
+            Output {
+                normal: [n, m, o],
+                facing_viewer,
+                facing,
+                determinant,
+                conic: [xx, xy, yy],
+                amplitude,
+                extent: [width, height],
+                depth_slope: [slope_x, slope_y],
+                depth_range,
+            }
+        })
     }
 }

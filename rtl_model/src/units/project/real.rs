@@ -4,13 +4,16 @@
 //! ulps and half an ulp of its own, 1/t_z its unit's relative error, `slope` and `pixel` half an
 //! ulp each; `pixel` multiplies the slope's error by s. With words of equal relative precision u
 //! the position on the screen is therefore off by about 4·s·u pixels. `camera` contributes most.
-//! precision u the position on the screen is off by some 4·s·u pixels: `camera`'s part counts most.
 
 use super::Project;
 use crate::graph::real::{Bounded, Given};
 use crate::num::two;
 use crate::real::frame::View;
 use crate::real::{Real, Scale};
+use std::array;
+
+/// Inputs of the graph: a position, and the registers.
+const INPUTS: usize = 23;
 
 /// Output port.
 #[derive(Clone, Copy, Debug)]
@@ -32,17 +35,18 @@ pub struct Projected<R> {
 }
 
 impl Project {
-    /// Projects a point.
-    pub fn real<R: Real>(&self, view: &View<R>, position: [R; 3]) -> Projected<R> {
-        let ([p, q, r], [x, y, z], [[a, b, c], [d, e, f], [g, h, i]]) =
-            (position, view.eye, view.rotation);
+    /// Projects points.
+    pub fn real<R: Real, const ITEMS: usize>(
+        &self,
+        view: &View<R>,
+        positions: [[R; 3]; ITEMS],
+    ) -> [Projected<R>; ITEMS] {
+        let ([x, y, z], [[a, b, c], [d, e, f], [g, h, i]]) = (view.eye, view.rotation);
         let ([focal_x, focal_y], [guard_x, guard_y], [centre_x, centre_y]) =
             (view.focals, view.guard, view.centre);
+        let of_item = |axis: usize| array::from_fn(|item| Bounded::of(positions[item][axis]));
         let is_transparent = R::constant(0.0);
-        let inputs = [
-            p,
-            q,
-            r,
+        let registers = [
             is_transparent,
             x,
             y,
@@ -63,32 +67,40 @@ impl Project {
             focal_y,
             centre_x,
             centre_y,
-        ];
+        ]
+        .map(|register| [Bounded::of(register); ITEMS]);
+        let mut inputs = [[Bounded::of(is_transparent); ITEMS]; INPUTS];
+        let (of_items, of_view) = inputs.split_at_mut(3);
+        of_items.copy_from_slice(&[0, 1, 2].map(of_item));
+        of_view.copy_from_slice(&registers);
         let given = Given {
-            inputs: &inputs.map(Bounded::of),
-            turned: None,
+            inputs: &inputs,
+            turned: [None; ITEMS],
         };
-        let [
-            x,
-            y,
-            forward,
-            exponent,
-            depth,
-            inverse_depth,
-            slope_x,
-            slope_y,
-            column,
-            row,
-        ] = self.graph.bounded(&self.bounds, &given, |_, x| x);
-        let camera = [x.value, y.value, forward.value];
-        Projected {
-            camera,
-            exponent: exponent.scale,
-            depth: depth.value,
-            inverse_depth: inverse_depth.value,
-            slope: [slope_x.value, slope_y.value],
-            pixel: [column.value, row.value],
-            inside: two!(axis => view.guard[axis] * camera[2] - camera[axis].abs()),
-        }
+        let results = self.graph.bounded(&self.bounds, &given, |_, x| x);
+        array::from_fn(|item| {
+            let [
+                x,
+                y,
+                forward,
+                exponent,
+                depth,
+                inverse_depth,
+                slope_x,
+                slope_y,
+                column,
+                row,
+            ] = results.each_ref().map(|result| result[item]);
+            let camera = [x.value, y.value, forward.value];
+            Projected {
+                camera,
+                exponent: exponent.scale,
+                depth: depth.value,
+                inverse_depth: inverse_depth.value,
+                slope: [slope_x.value, slope_y.value],
+                pixel: [column.value, row.value],
+                inside: two!(axis => view.guard[axis] * camera[2] - camera[axis].abs()),
+            }
+        })
     }
 }
