@@ -22,7 +22,7 @@ mod window;
 
 use crate::golden::Rules;
 use crate::golden::footprint::{
-    Contribution as Exact, Cull, Footprint, FootprintRow, set_up_with_cull,
+    Contribution as Exact, Cull, Footprint, FootprintRow, Weights, set_up_with_cull,
 };
 use crate::golden::fragments::Fragment;
 use crate::golden::shade::Shader;
@@ -261,6 +261,8 @@ struct FrameContext<'a> {
     eye: View,
     view: real::View<Near>,
     common: Common<'a>,
+    /// Golden's weights.
+    weights: Weights,
     /// Smaller weights make no fragment.
     least_weight: Near,
     /// Splats of less opacity are not drawn.
@@ -302,9 +304,10 @@ impl<'a> FrameContext<'a> {
             limits: SumLimits::new(&machine.machine, registers.opaque(&Bounded, rules.opaque)),
         };
         let view = registers.view(&Bounded);
+        let weights = Weights::of(scene, rules);
         let columns = scene.image.width.div_ceil(TILE_PX);
         let mut bins = vec![Vec::new(); columns * scene.image.height.div_ceil(TILE_PX)];
-        for (splat, tiles) in reached(scene, &eye) {
+        for (splat, tiles) in reached(scene, &eye, weights) {
             let [left, top, right, bottom] = tiles.map(usize::from);
             for row in top..bottom {
                 bins[row * columns..][left..right]
@@ -327,6 +330,7 @@ impl<'a> FrameContext<'a> {
             view,
             eye,
             common,
+            weights,
             least_weight,
             least_opacity,
             sheets,
@@ -338,12 +342,8 @@ impl<'a> FrameContext<'a> {
 
     /// A splat as golden has it.
     fn footprint(&self, index: u32) -> (Footprint, Option<Cull>) {
-        let (mut footprint, cull) = set_up_with_cull(
-            self.scene,
-            &self.eye,
-            index as usize,
-            self.scene.least_weight(),
-        );
+        let (mut footprint, cull) =
+            set_up_with_cull(self.scene, &self.eye, index as usize, self.weights);
         let frame = &self.quantised.frame;
         footprint.blocks =
             (self.common.rules.blocks).filter(|_| self.machine.tests_blocks(frame).is_some());
@@ -524,9 +524,9 @@ impl<'a> FrameContext<'a> {
 
 /// The splats that `golden` draws, each with the tiles of its box: first column and row, end column
 /// and row.
-fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
+fn reached(scene: &Scene, eye: &View, weights: Weights) -> Vec<(u32, [u16; 4])> {
     let rectangle = |index: usize| {
-        let (footprint, cull) = set_up_with_cull(scene, eye, index, scene.least_weight());
+        let (footprint, cull) = set_up_with_cull(scene, eye, index, weights);
         let (columns, rows) = (footprint.columns, footprint.rows);
         let drawn = cull.is_none() && !columns.is_empty() && !rows.is_empty();
         let [first, end] = [[columns.start, rows.start], [columns.end, rows.end]];
