@@ -8,7 +8,7 @@
 // integral along the ray, or the peak itself. a and b are clamped in the Jacobian only. If weights
 // count by opacity alone, the box ends where no weight counts any more.
 //
-//   t_z ->(* 1/distance)-> share ->[ 1 - min(share, 1) ]-> weight ->(* opacity)-> weighted
+//   t_z ->(* 1/distance)-> share ->[ max(0, 1 - share) ]-> weight ->(* opacity)-> weighted
 //
 // So the opacity falls with depth, if the machine sums Gaussians with such weights.
 //

@@ -623,9 +623,9 @@ impl Default for Incremental {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DepthWeight {
-    /// t_z/σ, limited to 1; also the mantissa of 1/σ, in [½, 1].
+    /// t_z/σ; also the mantissa of 1/σ, in [½, 1].
     pub share: Word,
-    /// 1 − t_z/σ.
+    /// max(0, 1 − t_z/σ).
     pub weight: Word,
 }
 

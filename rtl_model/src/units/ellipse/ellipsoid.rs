@@ -27,7 +27,7 @@
 //! weight before anything else (LC-WSR of arXiv 2410.18931):
 //!
 //! ```text
-//! t_z ─►(× 1/σ)─► share ─►[ 1 − min(·, 1) ]─► weight ─►(× opacity)─► weighted opacity
+//! t_z ─►(× 1/σ)─► share ─►[ max(0, 1 − ·) ]─► weight ─►(× opacity)─► weighted opacity
 //! ```
 //! Each of the three words is rounded. A weighted opacity of 0 culls as *faint*. The table of cutoffs
 //! is addressed by the opacity of the record, which is not less: a box is at most too large.
@@ -108,9 +108,9 @@ fn declare_depth_weight(e: &mut Elaboration, machine: &Machine, words: &DepthWei
     }
     let product = e.times(UNIT, machine.project.camera, words.share);
     e.fit_shifted(UNIT, "depth_share", words.share, product);
-    e.limit(UNIT, words.share.format.width());
     let rest = unit_interval(words.share);
-    e.adders(UNIT, 1, rest.bits());
+    e.adders(UNIT, 1, rest.plus(words.share).bits());
+    e.choice(UNIT, 2, rest.bits());
     e.fit(UNIT, "depth_weight", words.weight, rest);
     let weighted = e.times(UNIT, machine.splat.opacity, words.weight);
     e.fit(UNIT, "weighted_opacity", machine.splat.opacity, weighted);
@@ -136,8 +136,8 @@ fn weighted_opacity(
     let product = g.times(forward, inverse_distance);
     let share = g.fit_to("depth_share", words.share, product, Power::ONE);
     let one = g.one(words.share);
-    let share = g.lesser(share, one);
-    let rest = g.rest(one, share, unit_interval(words.share));
+    let rest = g.minus(one, share);
+    let rest = g.natural(rest);
     let weight = g.fit("depth_weight", words.weight, rest);
     let weighted = g.times(opacity, weight);
     g.fit("weighted_opacity", machine.splat.opacity, weighted)
