@@ -170,7 +170,7 @@ fn falling(words: &str) -> Machine {
 }
 
 /// A sum whose weights fall with depth is drawn as well. The scene's distance decides the picture,
-/// which is otherwise twice the mean depth, and is noted where a machine does not use it.
+/// which is otherwise twice the greatest depth, and is noted where a machine does not use it.
 #[test]
 fn weights_that_fall_with_depth_are_drawn_well_and_within_bounds() {
     let scene = load("bouquet");
@@ -184,19 +184,17 @@ fn weights_that_fall_with_depth_are_drawn_well_and_within_bounds() {
     assert_ne!(drawing.frame, draw(&scene, &same).0.frame);
 
     let view = scene.view();
-    let depths: Vec<f64> = (scene.splats.iter())
+    let greatest = (scene.splats.iter())
         .map(|splat| (view.rotation * (splat.position - view.eye)).z)
-        .filter(|depth| *depth > scene.camera.near)
-        .collect();
-    let twice_the_mean = 2.0 * depths.iter().sum::<f64>() / depths.len() as f64;
-    assert!((scene.weight_distance().unwrap() / twice_the_mean - 1.0).abs() < 1e-12);
+        .fold(0.0, f64::max);
+    assert!((scene.weight_distance().unwrap() / (2.0 * greatest) - 1.0).abs() < 1e-12);
     let at = |distance: f64| {
         changed("bouquet", |scene| {
             scene["sheets"]["weight_distance"] = json!(distance);
         })
     };
-    assert_eq!(draw(&at(twice_the_mean), &machine).0.frame, drawing.frame);
-    let nearer = at(1.1 * twice_the_mean / 2.0);
+    assert_eq!(draw(&at(2.0 * greatest), &machine).0.frame, drawing.frame);
+    let nearer = at(0.9 * greatest);
     let (other, psnr) = draw(&nearer, &machine);
     assert_ne!(other.frame, drawing.frame);
     assert!(psnr > 70.0, "{psnr}");

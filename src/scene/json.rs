@@ -358,8 +358,8 @@ struct SheetFields {
     #[schemars(range(max = 1), extend("exclusiveMinimum" = 0))]
     most_weight: Option<f64>,
     /// Depth σ from which a Gaussian has no weight, world units, on a machine that sums Gaussians
-    /// with weights that fall with depth (`sort.depth_weight`); default: twice the mean depth of the
-    /// Gaussians' centres beyond the near plane, for each view.
+    /// with weights that fall with depth (`sort.depth_weight`); default: twice the greatest depth of
+    /// a Gaussian's centre, in each view.
     #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
     weight_distance: Option<f64>,
 }

@@ -637,23 +637,16 @@ impl Scene {
     }
 
     /// Depth σ from which the weights of summed Gaussians are 0, on a machine whose weights fall with
-    /// depth. `None` where splats are not Gaussians. The default is twice the mean depth of the
-    /// centres beyond the near plane.
+    /// depth. `None` where splats are not Gaussians. The default is twice the greatest depth of a
+    /// centre: there, the weight is ½.
     pub fn weight_distance(&self) -> Option<f64> {
         let sheets = self.sheets.as_ref().filter(|_| self.is_of_gaussians())?;
         Some(sheets.weight_distance.unwrap_or_else(|| {
-            let (view, near) = (self.view(), self.camera.near);
+            let view = self.view();
             let depths = (self.splats.iter())
-                .map(|splat| view.rotation.row(2).dot(splat.position - view.eye))
-                .filter(|depth| *depth > near);
-            // One after the other: the sum is the same for any number of threads.
-            let (sum, count) =
-                depths.fold((0.0, 0u64), |(sum, count), depth| (sum + depth, count + 1));
-            if count > 0 {
-                2.0 * sum / count as f64
-            } else {
-                1.0
-            }
+                .map(|splat| view.rotation.row(2).dot(splat.position - view.eye));
+            // Gaussians at the near plane and before it are culled.
+            2.0 * depths.fold(self.camera.near, f64::max)
         }))
     }
 
