@@ -216,7 +216,7 @@ fn weights_that_fall_with_depth_are_drawn_well_and_within_bounds() {
         "{notes:?}"
     );
     let notes = quantise::quantise(&nearer, &machine).unwrap().notes;
-    assert!(!notes.iter().any(|note| is_told(note)), "{notes:?}");
+    assert!(!notes.iter().any(is_told), "{notes:?}");
     // Coarse words.
     for words in [
         r#"{"share": "U1F3", "weight": "U1F8"}"#,
