@@ -433,6 +433,7 @@ fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
         ),
         ("mixed", &["timing.contribution.blocks=2"], "bouquet"),
         ("weighted", &[], "bouquet"),
+        ("weighted", &["sort.depth_weight={}"], "bouquet"),
         (
             "gaussian",
             &["bin.test=ellipse", "bin.subtile_px=8", "bin.masks=list"],

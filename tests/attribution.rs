@@ -86,6 +86,8 @@ fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
     for name in ["fp16", "mixed", "weighted"] {
         all.push((bouquet.clone(), Machine::named(name).unwrap()));
     }
+    let falling = ["sort.depth_weight={}".to_owned()];
+    all.push((bouquet, machines::load("weighted", &falling).unwrap()));
     all
 }
 

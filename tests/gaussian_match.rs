@@ -287,6 +287,9 @@ fn project(gaussian: &Gaussian, view: &View) -> Option<Ellipse> {
     })
 }
 
+/// Depth from which weights that fall with depth are 0.
+const DISTANCE: f64 = 4.5;
+
 /// Premultiplied, over the background, row 0 on top.
 fn draw(gaussians: &[Gaussian], view: &View, rules: &Rules) -> Vec<[f64; 4]> {
     let mut ellipses: Vec<Ellipse> = gaussians
@@ -294,6 +297,12 @@ fn draw(gaussians: &[Gaussian], view: &View, rules: &Rules) -> Vec<[f64; 4]> {
         .filter_map(|gaussian| project(gaussian, view))
         .collect();
     ellipses.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+    if rules.weights_fall_with_depth {
+        ellipses.retain(|ellipse| ellipse.depth < DISTANCE);
+        for ellipse in &mut ellipses {
+            ellipse.opacity *= (DISTANCE - ellipse.depth) / DISTANCE;
+        }
+    }
     let mut pixels = vec![
         Pixel {
             light: DVec3::ZERO,
@@ -371,7 +380,11 @@ impl Pixel {
 fn golden(file: &Path, view: &View, rules: &Rules) -> Vec<[f64; 4]> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.json");
-    fs::write(&path, view.scene(file).to_string()).unwrap();
+    let mut scene = view.scene(file);
+    if rules.weights_fall_with_depth {
+        scene["sheets"] = json!({"weight_distance": DISTANCE});
+    }
+    fs::write(&path, scene.to_string()).unwrap();
     let scene = Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap();
     render(&scene, rules).picture.rgba
 }
@@ -582,6 +595,16 @@ fn needles_flakes_and_giants_are_drawn_as_gsplat_draws_them() {
             ..Rules::default()
         };
         agree_by(&summed, &format!("summed, degree {degree}"), &file, &among);
+        let falling = Rules {
+            weights_fall_with_depth: true,
+            ..summed
+        };
+        agree_by(
+            &falling,
+            &format!("falling, degree {degree}"),
+            &file,
+            &among,
+        );
     }
 }
 

@@ -285,6 +285,7 @@ fn odd_ellipsoids() -> Vec<(String, Scene)> {
                 keeps_last: false,
                 least_weight: 0.0,
                 most_weight: 0.99,
+                weight_distance: None,
             });
             scenes.push((
                 format!(

@@ -41,6 +41,10 @@ fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
     ]
 }
 
+/// Weights that fall with depth, whose words all round.
+const FALLING: &str =
+    r#"sort.depth_weight={"share": "U1F9", "weight": {"format": "U1F6", "round": "nearest-even"}}"#;
+
 /// Scenes of ellipsoids and their machines: line integrals, peaks and discs; sheets in either
 /// order, of many splats or of one, with and without a table of lines, with and without early
 /// termination.
@@ -86,6 +90,10 @@ fn media(size: u32, side: u32) -> Vec<(String, rtl_model::Machine)> {
                 &json!({"stop": 0.3, "keep_last": true, "most_weight": 0.4}),
             ),
             machine("gaussian", &stops),
+        ),
+        (
+            bouquet(size * size, side, &json!({"weight_distance": 3.2})),
+            machine("weighted", &[FALLING, one_lane]),
         ),
         (
             isosurface(size, side),
@@ -956,6 +964,15 @@ fn lenses() -> Vec<(&'static str, Traced, Vec<Unit>)> {
             ellipsoids(),
         ),
         (
+            "falling weights",
+            with(
+                &bouquet(144, 16, &json!({"weight_distance": 3.2})),
+                high.clone(),
+            ),
+            machine("weighted", &[FALLING, one_lane]),
+            ellipsoids(),
+        ),
+        (
             "a volume",
             with(&shells(12, 16, &json!({"stop": 0.6})), high),
             machine("volume", &[one_lane]),
@@ -1071,6 +1088,20 @@ fn any_lens_gives_every_record_and_wrong_ones_are_found_out() {
             "ellipsoid.sv",
             "kind == 2'd3 ? spanned : along",
             "along",
+        ),
+        with(
+            "falling weights",
+            "ellipsoid",
+            "ellipsoid.sv",
+            "9'(places) - 9'(point_exponent)",
+            "9'(places)",
+        ),
+        with(
+            "falling weights",
+            "ellipsoid",
+            "ellipsoid.sv",
+            "{1'b0, share} > WHOLE ? '0 : WHOLE",
+            "WHOLE",
         ),
         with(
             "a volume",
@@ -1311,7 +1342,7 @@ fn every_rtl_unit_gives_fifty_thousand_records_on_icarus() {
     let of_ellipsoids = media
         .iter()
         .map(|of| (ellipsoid, of))
-        .chain(media[..5].iter().map(|of| (sheets, of)));
+        .chain(media[..6].iter().map(|of| (sheets, of)));
     let jobs: Vec<_> = of_ellipsoids
         .chain(discs.iter().flat_map(|of| UNITS.map(|unit| (unit, of))))
         .collect();

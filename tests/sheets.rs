@@ -164,6 +164,70 @@ fn a_sum_of_gaussians_is_drawn_well_and_within_bounds() {
     }
 }
 
+/// `weighted` with weights that fall with depth.
+fn falling(words: &str) -> Machine {
+    machines::load("weighted", &[format!("sort.depth_weight={words}")]).unwrap()
+}
+
+/// A sum whose weights fall with depth is drawn as well. The scene's distance decides the picture,
+/// which is otherwise twice the greatest depth, and is noted where a machine does not use it.
+#[test]
+fn weights_that_fall_with_depth_are_drawn_well_and_within_bounds() {
+    let scene = load("bouquet");
+    let machine = falling("{}");
+    let (drawing, psnr) = draw(&scene, &machine);
+    assert!(psnr > 70.0, "{psnr}");
+    let frame = in_lockstep(&scene, &machine);
+    assert_eq!(fault(&frame), None);
+    assert!(frame.bound.iter().any(|bound| *bound > 0.0));
+    let same = Machine::named("weighted").unwrap();
+    assert_ne!(drawing.frame, draw(&scene, &same).0.frame);
+
+    let view = scene.view();
+    let greatest = (scene.splats.iter())
+        .map(|splat| (view.rotation * (splat.position - view.eye)).z)
+        .fold(0.0, f64::max);
+    assert!((scene.weight_distance().unwrap() / (2.0 * greatest) - 1.0).abs() < 1e-12);
+    let at = |distance: f64| {
+        changed("bouquet", |scene| {
+            scene["sheets"]["weight_distance"] = json!(distance);
+        })
+    };
+    assert_eq!(draw(&at(2.0 * greatest), &machine).0.frame, drawing.frame);
+    let nearer = at(0.9 * greatest);
+    let (other, psnr) = draw(&nearer, &machine);
+    assert_ne!(other.frame, drawing.frame);
+    assert!(psnr > 70.0, "{psnr}");
+    assert_eq!(fault(&in_lockstep(&nearer, &machine)), None);
+    assert!(other.culled.faint > drawing.culled.faint);
+    // A distance beyond all powers of two of a record.
+    for far in [1e30, 1e-30] {
+        assert_eq!(fault(&in_lockstep(&at(far), &machine)), None, "{far}");
+    }
+    assert_eq!(
+        draw(&at(1e30), &machine).0.frame,
+        draw(&scene, &same).0.frame
+    );
+    let notes = quantise::quantise(&nearer, &same).unwrap().notes;
+    let is_told = |note: &String| note.starts_with("sheets.weight_distance is ");
+    assert_eq!(
+        notes.iter().filter(|note| is_told(note)).count(),
+        1,
+        "{notes:?}"
+    );
+    let notes = quantise::quantise(&nearer, &machine).unwrap().notes;
+    assert!(!notes.iter().any(is_told), "{notes:?}");
+    // Coarse words.
+    for words in [
+        r#"{"share": "U1F3", "weight": "U1F8"}"#,
+        r#"{"share": "U1F12S5", "weight": {"format": "U1F2", "round": "truncate"}}"#,
+    ] {
+        let coarse = falling(words);
+        assert_eq!(fault(&in_lockstep(&scene, &coarse)), None, "{words}");
+        assert!(draw(&scene, &coarse).1 < psnr, "{words}");
+    }
+}
+
 /// The bound of nine covered pixels in ten is at most four steps of an 8-bit display.
 #[test]
 fn most_bounds_are_at_most_four_display_steps() {
@@ -201,8 +265,9 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
         );
         let scene = &scenes[asked % 3];
         let changes = mutations(1..10).new_tree(&mut runner).unwrap().current();
-        let named = match asked % 3 {
+        let named = match asked % 6 {
             2 => Machine::named("weighted").unwrap(),
+            5 => falling("{}"),
             _ => usual(scene),
         };
         let machine = changes

@@ -8,6 +8,10 @@
 // integral along the ray, or the peak itself. a and b are clamped in the Jacobian only. If weights
 // count by opacity alone, the box ends where no weight counts any more.
 //
+//   t_z ->(* 1/distance)-> share ->[ max(0, 1 - share) ]-> weight ->(* opacity)-> weighted
+//
+// So the opacity falls with depth, if the machine sums Gaussians with such weights.
+//
 // Losses: every word is rounded; the losses of shared parts are listed in their files.
 `timescale 1ns / 1ps
 `default_nettype none
@@ -166,8 +170,37 @@ module ellipsoid #(
   fit #(.IN_W(SQUARES_W), .PLACES(2 * STRETCH_F - SHAPE_F), .W(SHAPE_W), .S(1), .ROUND(machine_pkg::ELLIPSE_SHAPE_ROUND),
       .WRAP(machine_pkg::ELLIPSE_SHAPE_WRAP)) fit_shape_yy (.exact(shaped_yy), .word(shape_yy));
 
+  // Where weights fall with depth, so does the opacity of a peak.
+  localparam int SHARE_W = machine_pkg::VIEW_SHARE_W;
+  wire [ALPHA_W-1:0] weighted;
+  if (SHARE_W > 0) begin : g_depth_weight
+    localparam int SHARE_F = machine_pkg::VIEW_SHARE_F;
+    localparam int WEIGHT_W = machine_pkg::VIEW_WEIGHT_W;
+    localparam int WEIGHT_F = machine_pkg::VIEW_WEIGHT_F;
+    localparam int PRODUCT_W = FORWARD_W + SHARE_W + 1;
+    localparam [SHARE_W:0] WHOLE = (SHARE_W + 1)'(1) << SHARE_F;
+    wire [SHARE_W-1:0] inverse_distance = frame[machine_pkg::VIEW_INVERSE_DISTANCE_LSB+:SHARE_W];
+    wire signed [7:0] places = frame[machine_pkg::VIEW_INVERSE_DISTANCE_PLACES_LSB+:8];
+    wire signed [8:0] share_more = 9'(places) - 9'(point_exponent);
+    wire signed [PRODUCT_W-1:0] product = forward * $signed({1'b0, inverse_distance});
+    wire [SHARE_W-1:0] share;
+    fit_shifted #(.IN_W(PRODUCT_W), .PLACES(machine_pkg::PROJECT_CAMERA_F), .MORE_W(9), .W(SHARE_W), .S(0),
+        .ROUND(machine_pkg::VIEW_SHARE_ROUND), .WRAP(0)) fit_share (.exact(product), .more(share_more), .word(share));
+    wire [SHARE_W:0] rest = {1'b0, share} > WHOLE ? '0 : WHOLE - {1'b0, share};
+    wire [WEIGHT_W-1:0] weight;
+    fit #(.IN_W(SHARE_W + 2), .PLACES(SHARE_F - WEIGHT_F), .W(WEIGHT_W), .S(0), .ROUND(machine_pkg::VIEW_WEIGHT_ROUND), .WRAP(0))
+        fit_weight (.exact($signed({1'b0, rest})), .word(weight));
+    wire signed [ALPHA_W+WEIGHT_W:0] reduced = $signed({1'b0, opacity}) * $signed({1'b0, weight});
+    wire [ALPHA_W-1:0] fainter;
+    fit #(.IN_W(ALPHA_W + WEIGHT_W + 1), .PLACES(WEIGHT_F), .W(ALPHA_W), .S(0), .ROUND(machine_pkg::SPLAT_OPACITY_ROUND),
+        .WRAP(machine_pkg::SPLAT_OPACITY_WRAP)) fit_weighted (.exact(reduced), .word(fainter));
+    assign weighted = kind[1] ? fainter : opacity;
+  end else begin : g_same_weights
+    assign weighted = opacity;
+  end
+
   wire backface = frame[machine_pkg::FRAME_CULL_BACKFACES_LSB] && some_facing > FACING_W'(0);
-  wire blind = some_radius == '0 || (flattened ? some_facing == '0 : opacity == '0);
+  wire blind = some_radius == '0 || (flattened ? some_facing == '0 : weighted == '0);
   // Divisors are never 0, also for culled splats.
   wire signed [FACING_W-1:0] facing = some_facing == '0 ? FACING_W'(1) : some_facing;
   wire [RADIUS_W-1:0] radius = some_radius == '0 ? RADIUS_W'(1) : some_radius;
@@ -259,13 +292,13 @@ module ellipsoid #(
       .PLACES(VISIBILITY_F + machine_pkg::ELLIPSE_INVERSE_TWO_PI_F - machine_pkg::ELLIPSE_AMPLITUDE_F), .W(AMPLITUDE_W), .S(0),
       .ROUND(machine_pkg::ELLIPSE_AMPLITUDE_ROUND), .WRAP(machine_pkg::ELLIPSE_AMPLITUDE_WRAP))
       fit_amplitude (.exact(shown), .word(of_disc));
-  wire signed [VISIBILITY_W+ALPHA_W:0] weighed = $signed({1'b0, visibility}) * $signed({1'b0, opacity});
+  wire signed [VISIBILITY_W+ALPHA_W:0] weighed = $signed({1'b0, visibility}) * $signed({1'b0, weighted});
   wire [AMPLITUDE_W-1:0] of_ray, of_peak;
   fit #(.IN_W(VISIBILITY_W + ALPHA_W + 1), .PLACES(VISIBILITY_F + ALPHA_F - AMPLITUDE_F), .W(AMPLITUDE_W), .S(0),
       .ROUND(machine_pkg::ELLIPSE_AMPLITUDE_ROUND), .WRAP(machine_pkg::ELLIPSE_AMPLITUDE_WRAP))
       fit_weighed (.exact(weighed), .word(of_ray));
   fit #(.IN_W(ALPHA_W + 1), .PLACES(ALPHA_F - AMPLITUDE_F), .W(AMPLITUDE_W), .S(0), .ROUND(machine_pkg::ELLIPSE_AMPLITUDE_ROUND),
-      .WRAP(machine_pkg::ELLIPSE_AMPLITUDE_WRAP)) fit_peak (.exact($signed({1'b0, opacity})), .word(of_peak));
+      .WRAP(machine_pkg::ELLIPSE_AMPLITUDE_WRAP)) fit_peak (.exact($signed({1'b0, weighted})), .word(of_peak));
   wire [AMPLITUDE_W-1:0] amplitude = flattened ? of_disc : kind == 2'd2 ? of_peak : of_ray;
   wire dark = amplitude == '0;
 

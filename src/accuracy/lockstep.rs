@@ -22,7 +22,7 @@ mod window;
 
 use crate::golden::Rules;
 use crate::golden::footprint::{
-    Contribution as Exact, Cull, Footprint, FootprintRow, set_up_with_cull,
+    Contribution as Exact, Cull, Footprint, FootprintRow, Weights, set_up_with_cull,
 };
 use crate::golden::fragments::Fragment;
 use crate::golden::shade::Shader;
@@ -267,6 +267,8 @@ struct FrameContext<'a> {
     eye: View,
     view: real::View<Near>,
     common: Common<'a>,
+    /// Golden's weights.
+    weights: Weights,
     /// Smaller weights make no fragment.
     least_weight: Near,
     /// Splats of less opacity are not drawn.
@@ -308,9 +310,10 @@ impl<'a> FrameContext<'a> {
             limits: SumLimits::new(&machine.machine, registers.opaque(&Bounded, rules.opaque)),
         };
         let view = registers.view(&Bounded);
+        let weights = Weights::of(scene, rules);
         let columns = scene.image.width.div_ceil(TILE_PX);
         let mut bins = vec![Vec::new(); columns * scene.image.height.div_ceil(TILE_PX)];
-        let mut reached = reached(scene, &eye);
+        let mut reached = reached(scene, &eye, weights);
         if (scene.ellipsoids.as_ref()).is_some_and(|ellipsoids| ellipsoids.sorted) {
             reached.sort_by(|a, b| a.z.total_cmp(&b.z));
         }
@@ -337,6 +340,7 @@ impl<'a> FrameContext<'a> {
             view,
             eye,
             common,
+            weights,
             least_weight,
             least_opacity,
             sheets,
@@ -348,12 +352,8 @@ impl<'a> FrameContext<'a> {
 
     /// A splat as golden has it.
     fn footprint(&self, index: u32) -> (Footprint, Option<Cull>) {
-        let (mut footprint, cull) = set_up_with_cull(
-            self.scene,
-            &self.eye,
-            index as usize,
-            self.scene.least_weight(),
-        );
+        let (mut footprint, cull) =
+            set_up_with_cull(self.scene, &self.eye, index as usize, self.weights);
         let frame = &self.quantised.frame;
         footprint.blocks =
             (self.common.rules.blocks).filter(|_| self.machine.tests_blocks(frame).is_some());
@@ -558,9 +558,9 @@ struct Reached {
 }
 
 /// The splats that `golden` draws, in the order of the scene.
-fn reached(scene: &Scene, eye: &View) -> Vec<Reached> {
+fn reached(scene: &Scene, eye: &View, weights: Weights) -> Vec<Reached> {
     let rectangle = |index: usize| {
-        let (footprint, cull) = set_up_with_cull(scene, eye, index, scene.least_weight());
+        let (footprint, cull) = set_up_with_cull(scene, eye, index, weights);
         let z = footprint.z();
         let (columns, rows) = (footprint.columns, footprint.rows);
         let drawn = cull.is_none() && !columns.is_empty() && !rows.is_empty();

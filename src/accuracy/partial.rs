@@ -72,6 +72,8 @@ pub fn words(machine: &Elaborated) -> Vec<String> {
         word != "ellipse.edge" && (ellipsoids || !OF_ELLIPSOIDS.contains(&word.as_str()))
     });
     let has_colour = machine.machine.colour.is_some();
+    let weighs = machine.machine.depth_weight().is_some();
+    words.retain(|word| weighs || word != "sort.share");
     words.retain(|word| {
         (reflects || word != "reflect.reflectance") && (has_colour || word != OF_COLOUR)
     });

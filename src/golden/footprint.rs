@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3};
 
-use super::BlockTest;
+use super::{BlockTest, Rules};
 use crate::scene::{Amplitude, Filter, Orientation, Scene, Sheet, View};
 
 /// A splat on screen, in pixels; depths and normals are in camera space.
@@ -243,14 +243,43 @@ impl Variance {
     }
 }
 
+/// Which weights make a fragment, and whether they fall with depth.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Weights {
+    /// Smaller weights make no fragment.
+    pub least: f64,
+    /// Depth from which weights are 0; `None` where they do not depend on depth.
+    pub distance: Option<f64>,
+}
+
+impl Weights {
+    /// Weights of a scene by the rules of a machine.
+    pub fn of(scene: &Scene, rules: &Rules) -> Self {
+        Weights {
+            least: scene.least_weight(),
+            distance: (rules.weights_fall_with_depth)
+                .then(|| scene.weight_distance())
+                .flatten(),
+        }
+    }
+
+    /// Weights that do not depend on depth.
+    pub fn at_least(least: f64) -> Self {
+        Weights {
+            least,
+            distance: None,
+        }
+    }
+}
+
 /// Sets up the `index`-th splat, with smaller weights ignored, or returns why it is culled.
 pub(crate) fn set_up(
     scene: &Scene,
     view: &View,
     index: usize,
-    least_weight: f64,
+    weights: Weights,
 ) -> Result<Footprint, Cull> {
-    let (footprint, cull) = set_up_with_cull(scene, view, index, least_weight);
+    let (footprint, cull) = set_up_with_cull(scene, view, index, weights);
     cull.map_or(Ok(footprint), Err)
 }
 
@@ -260,8 +289,9 @@ pub(crate) fn set_up_with_cull(
     scene: &Scene,
     view: &View,
     index: usize,
-    least_weight: f64,
+    weights: Weights,
 ) -> (Footprint, Option<Cull>) {
+    let least_weight = weights.least;
     let splat = &scene.splats[index];
     let cutoff = scene.kernel.cutoff;
     let t = view.rotation * (splat.position - view.eye);
@@ -337,6 +367,9 @@ pub(crate) fn set_up_with_cull(
             }
         }
     };
+    let amplitude = weights.distance.map_or(amplitude, |distance| {
+        amplitude * (1.0 - t.z / distance).max(0.0)
+    });
     // Squares that left the range of f64 leave no ellipse: its weights would be NaN, and nothing is
     // drawn.
     let conic = variance.inverse();

@@ -432,6 +432,7 @@ mod tests {
             inside: true,
         },
         sums_gaussians: false,
+        weights_fall_with_depth: false,
         reflection: None,
         lists: None,
         blocks: None,

@@ -8,7 +8,7 @@
 //! The keys of `golden` are exact, so its lists are its own: where the machine's keys are equal or
 //! swapped, a list can differ for several frames.
 
-use super::footprint::{self, Footprint};
+use super::footprint::{self, Footprint, Weights};
 use crate::scene::{Camera, FramePath, Scene};
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -179,7 +179,8 @@ impl KeptLists {
             let drawn = (0..earlier.splats.len())
                 .into_par_iter()
                 .filter_map(|splat| {
-                    let footprint = footprint::set_up(earlier, &view, splat, least_weight);
+                    let footprint =
+                        footprint::set_up(earlier, &view, splat, Weights::at_least(least_weight));
                     footprint.ok().as_ref().map(of)
                 });
             drawn.collect()

@@ -32,6 +32,7 @@ use serde::Serialize;
 use crate::output::picture::Picture;
 use crate::scene::{Amplitude, Kernel, Scene, Sheet, gaussian_cutoff};
 
+use footprint::Weights;
 use fragments::{Fragment, FragmentPainter};
 use ideal::IdealPainter;
 use intervals::Spanning;
@@ -64,6 +65,8 @@ pub struct Rules {
     pub window: WindowOptions,
     /// The Gaussians of a pixel are summed, in any order.
     pub sums_gaussians: bool,
+    /// Weights of summed Gaussians fall with depth ([`Scene::weight_distance`]).
+    pub weights_fall_with_depth: bool,
     /// How surroundings are mirrored; none: exactly, as [`ideal`] always does.
     pub reflection: Option<Reflection>,
     /// Gaussians only: how lists are kept from frame to frame; none: every list is sorted, as
@@ -101,6 +104,7 @@ impl Default for Rules {
             group: Group::First,
             window: WindowOptions::default(),
             sums_gaussians: false,
+            weights_fall_with_depth: false,
             reflection: None,
             lists: None,
             blocks: None,
@@ -169,9 +173,9 @@ pub enum FragmentDepth {
 /// not count.
 pub fn contributions(scene: &Scene, least_weight: f64) -> u64 {
     let view = scene.view();
+    let weights = Weights::at_least(scene.least_weight().max(least_weight));
     let area = |index: usize| {
-        footprint::set_up(scene, &view, index, scene.least_weight().max(least_weight))
-            .map_or(0, |footprint| footprint.area())
+        footprint::set_up(scene, &view, index, weights).map_or(0, |footprint| footprint.area())
     };
     (0..scene.splats.len()).into_par_iter().map(area).sum()
 }
@@ -315,7 +319,7 @@ fn render_with(scene: &Scene, rules: &Rules, memory: Option<&mut ListMemory>) ->
             scene,
             &shader,
             (rules.turn_normals, rules.lists.map(|lists| (lists, memory))),
-            sheets.least_weight,
+            Weights::of(scene, rules),
             || sheets::SheetPainter::new(&sheets, shader.background()),
         ),
         None => surfaces(scene, &shader, rules),
@@ -326,12 +330,14 @@ fn surfaces(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
     let (turn, z_threshold) = (rules.turn_normals, scene.surface.z_threshold);
     match (rules.group, rules.merge) {
         (_, Merge::Window) | (Group::Window, _) => window::draw(scene, shader, rules),
-        (Group::First, _) => tiles::draw(scene, shader, (turn, None), 0.0, || {
+        (Group::First, _) => tiles::draw(scene, shader, (turn, None), Weights::default(), || {
             FragmentPainter::<Fragment>::new(rules, z_threshold, shader)
         }),
-        (Group::Interval, _) => tiles::draw(scene, shader, (turn, None), 0.0, || {
-            FragmentPainter::<Spanning>::new(rules, z_threshold, shader)
-        }),
+        (Group::Interval, _) => {
+            tiles::draw(scene, shader, (turn, None), Weights::default(), || {
+                FragmentPainter::<Spanning>::new(rules, z_threshold, shader)
+            })
+        }
     }
 }
 
@@ -369,16 +375,26 @@ pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
     let is_in_order = (scene.ellipsoids.as_ref())
         .is_some_and(|ellipsoids| ellipsoids.sorted && ellipsoids.amplitude != Amplitude::Disc);
     match &scene.sheets {
-        Some(sheets) if is_in_order => {
-            tiles::draw(scene, &shader, (turn_normals, None), 0.0, || {
-                sheets::IdealOrderedPainter::new(sheets, shader.background())
-            })
-        }
-        Some(sheets) => tiles::draw(scene, &shader, (turn_normals, None), 0.0, || {
-            sheets::IdealSheetPainter::new(sheets, shader.background())
-        }),
-        None => tiles::draw(scene, &shader, (turn_normals, None), 0.0, || {
-            IdealPainter::new(scene.surface.z_threshold, &shader)
-        }),
+        Some(sheets) if is_in_order => tiles::draw(
+            scene,
+            &shader,
+            (turn_normals, None),
+            Weights::default(),
+            || sheets::IdealOrderedPainter::new(sheets, shader.background()),
+        ),
+        Some(sheets) => tiles::draw(
+            scene,
+            &shader,
+            (turn_normals, None),
+            Weights::default(),
+            || sheets::IdealSheetPainter::new(sheets, shader.background()),
+        ),
+        None => tiles::draw(
+            scene,
+            &shader,
+            (turn_normals, None),
+            Weights::default(),
+            || IdealPainter::new(scene.surface.z_threshold, &shader),
+        ),
     }
 }

@@ -1,7 +1,7 @@
 //! Pixel trace: everything that happened at one pixel of `golden`, recorded by the code that draws
 //! it.
 
-use super::footprint::{self, Footprint};
+use super::footprint::{self, Footprint, Weights};
 use super::fragments::{Fragment, FragmentPainter, Slot, resolve};
 use super::intervals::Spanning;
 use super::lists::KeptLists;
@@ -94,7 +94,7 @@ pub fn pixel_trace(scene: &Scene, rules: &Rules, x: usize, y: usize) -> PixelTra
     let shader = Shader::of(scene, rules);
     if let Some(sheets) = scene.sheets_for(rules.sums_gaussians) {
         let blocks = rules.blocks.filter(|_| sheets.of == Sheet::Splat);
-        let how = (blocks, rules.lists);
+        let how = (blocks, rules.lists, Weights::of(scene, rules));
         return of_sheets(scene, &sheets, &shader, how, [x as u32, y as u32]);
     }
     let pixel = [x as u32, y as u32];
@@ -116,6 +116,7 @@ fn of_fragments<S: Slot>(
         scene,
         shader,
         (rules.turn_normals, None, None),
+        Weights::at_least(scene.least_weight()),
         pixel,
         |_, fragment| golden.decide(0, fragment),
     );
@@ -142,6 +143,7 @@ fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) ->
         scene,
         shader,
         (rules.turn_normals, None, None),
+        Weights::at_least(scene.least_weight()),
         pixel,
         |footprint, sums| {
             pixels.decide(
@@ -186,25 +188,25 @@ fn of_sheets(
     scene: &Scene,
     sheets: &Sheets,
     shader: &Shader,
-    (blocks, lists): (Option<BlockTest>, Option<KeptLists>),
+    (blocks, lists, weights): (Option<BlockTest>, Option<KeptLists>, Weights),
     at: [u32; 2],
 ) -> PixelTrace {
     let mut pixel = SheetState::default();
-    let contributions =
-        contributions(
-            scene,
-            shader,
-            (false, blocks, lists),
-            at,
-            |_, fragment| match pixel.take(sheets, &fragment) {
-                SheetOutcome::Added => Decision::Accumulated { slot: 1 },
-                SheetOutcome::First => Decision::Inserted {
-                    slot: usize::from(sheets.of != Sheet::Splat),
-                },
-                SheetOutcome::Next => Decision::Merged { slot: 0, place: 1 },
-                SheetOutcome::Dropped => Decision::Dropped,
+    let contributions = contributions(
+        scene,
+        shader,
+        (false, blocks, lists),
+        weights,
+        at,
+        |_, fragment| match pixel.take(sheets, &fragment) {
+            SheetOutcome::Added => Decision::Accumulated { slot: 1 },
+            SheetOutcome::First => Decision::Inserted {
+                slot: usize::from(sheets.of != Sheet::Splat),
             },
-        );
+            SheetOutcome::Next => Decision::Merged { slot: 0, place: 1 },
+            SheetOutcome::Dropped => Decision::Dropped,
+        },
+    );
     let colour = pixel.colour(sheets);
     let all = Fragment {
         rgb: colour.truncate(),
@@ -229,12 +231,13 @@ fn contributions(
     scene: &Scene,
     shader: &Shader,
     (turn_normals, blocks, lists): (bool, Option<BlockTest>, Option<KeptLists>),
+    weights: Weights,
     [x, y]: [u32; 2],
     mut decide: impl FnMut(&Footprint, Fragment) -> Decision,
 ) -> Vec<TracedContribution> {
     let view = scene.view();
     let footprints = (0..scene.splats.len())
-        .filter_map(|index| footprint::set_up(scene, &view, index, scene.least_weight()).ok());
+        .filter_map(|index| footprint::set_up(scene, &view, index, weights).ok());
     let here =
         |footprint: &Footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y);
     // The order of kept lists depends on splats elsewhere.
@@ -242,7 +245,7 @@ fn contributions(
         None => (footprints.filter(here).collect(), None),
         Some(lists) => {
             let all: Vec<Footprint> = footprints.collect();
-            let order = lists.order(scene, (scene.least_weight(), None), &all);
+            let order = lists.order(scene, (weights.least, None), &all);
             let of_tile = order
                 .as_ref()
                 .map(|order| order.around([x as usize, y as usize]));

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::footprint::{self, Cull, Footprint};
+use super::footprint::{self, Cull, Footprint, Weights};
 use super::fragments::Fragment;
 use super::lists::{KeptLists, ListMemory, TileOrder};
 use super::shade::Shader;
@@ -49,20 +49,20 @@ pub(crate) trait Painter {
     fn outcomes(&self) -> Outcomes;
 }
 
-/// Draws the scene without weights below the least, with normals turned or not, with lists that are
+/// Draws the scene with these weights, with normals turned or not, with lists that are
 /// kept from frame to frame or not; each band of tiles has its own painter.
 pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     scene: &Scene,
     shader: &Shader,
     (turn_normals, lists): (bool, Option<(KeptLists, Option<&mut ListMemory>)>),
-    least_weight: f64,
+    weights: Weights,
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
     let (image, background) = (&scene.image, shader.background());
     if scene.ellipsoids.is_some() {
-        let (footprints, culled) = footprints(scene, shader, turn_normals, least_weight);
+        let (footprints, culled) = footprints(scene, shader, turn_normals, weights);
         let order = lists
-            .and_then(|(lists, memory)| lists.order(scene, (least_weight, memory), &footprints));
+            .and_then(|(lists, memory)| lists.order(scene, (weights.least, memory), &footprints));
         return Rendering {
             culled,
             ..fill_ordered(image, &footprints, order.as_ref(), background, painter)
@@ -72,7 +72,7 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     let rules = &SetupRules {
         scene,
         view: scene.view(),
-        least_weight,
+        weights,
         turn_normals,
     };
     let (discs, culled) = rules.all(
@@ -104,8 +104,8 @@ pub(super) fn draw_tested<P: Painter<Contribution = Fragment>>(
     (rules, memory): (&Rules, Option<&mut ListMemory>),
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
-    let (mut footprints, culled) =
-        footprints(scene, shader, rules.turn_normals, scene.least_weight());
+    let weights = Weights::of(scene, rules);
+    let (mut footprints, culled) = footprints(scene, shader, rules.turn_normals, weights);
     let order = (rules.lists)
         .and_then(|lists| lists.order(scene, (scene.least_weight(), memory), &footprints));
     for footprint in &mut footprints {
@@ -127,14 +127,14 @@ pub(super) fn draw_tested<P: Painter<Contribution = Fragment>>(
 struct SetupRules<'a> {
     scene: &'a Scene,
     view: View,
-    least_weight: f64,
+    weights: Weights,
     turn_normals: bool,
 }
 
 impl SetupRules<'_> {
     /// The footprint of a splat, or why it is culled.
     fn footprint(&self, splat: usize) -> Result<Footprint, Cull> {
-        let mut footprint = footprint::set_up(self.scene, &self.view, splat, self.least_weight)?;
+        let mut footprint = footprint::set_up(self.scene, &self.view, splat, self.weights)?;
         if self.turn_normals {
             footprint.turn_normal();
         }
@@ -192,12 +192,12 @@ pub(super) fn footprints(
     scene: &Scene,
     shader: &Shader,
     turn_normals: bool,
-    least_weight: f64,
+    weights: Weights,
 ) -> (Vec<Footprint>, Culled) {
     let rules = SetupRules {
         scene,
         view: scene.view(),
-        least_weight,
+        weights,
         turn_normals,
     };
     let (mut footprints, culled) = rules.all(|footprint| footprint);

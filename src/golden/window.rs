@@ -18,7 +18,7 @@ use std::ops::Range;
 use glam::{DVec3, DVec4};
 use rayon::prelude::*;
 
-use super::footprint::Footprint;
+use super::footprint::{Footprint, Weights};
 use super::fragments::{Fragment, Side};
 pub(crate) use super::intervals::Span;
 use super::intervals::nearest_that_stays_within;
@@ -625,7 +625,7 @@ impl Cover for LitFootprint {
 
 /// Draws a scene of surfaces.
 pub(super) fn draw(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
-    let (footprints, culled) = footprints(scene, shader, rules.turn_normals, 0.0);
+    let (footprints, culled) = footprints(scene, shader, rules.turn_normals, Weights::default());
     let light = |footprint: Footprint| LitFootprint {
         colour: shader.emission(&footprint),
         footprint,

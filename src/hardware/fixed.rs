@@ -118,6 +118,7 @@ pub fn rules(machine: &Machine) -> golden::Rules {
                 }
             }),
         sums_gaussians: machine.sums_gaussians(),
+        weights_fall_with_depth: machine.depth_weight().is_some(),
         reflection: machine.reflect.as_ref().map(|reflect| golden::Reflection {
             index_bits: reflect.index_bits.clamp(1, 8),
             by_ray: reflect.sight == machine::Sight::Ray,

@@ -60,6 +60,8 @@ pub struct Quantised {
     pub harmonics: Option<MachineHarmonics>,
     /// Walk that finds the splats in a tree, if there is one.
     pub walk: Option<TreeWalk>,
+    /// 1/σ, machine units: the depth from which weights are 0, if they fall with depth.
+    pub inverse_distance: Option<f64>,
 }
 
 /// Walk of a frame's tree of splats, for timing ([`TreeWalk::record`]).
@@ -107,6 +109,7 @@ pub struct Part {
     extents: Extents,
     splats: Vec<u32>,
     least: u32,
+    weight_distance: Option<f64>,
 }
 
 impl Part {
@@ -116,6 +119,7 @@ impl Part {
             extents: Extents::of(scene, &scene.view()),
             splats: Vec::new(),
             least: scene.splats.len().min(2) as u32,
+            weight_distance: scene.weight_distance(),
         }
     }
 
@@ -162,6 +166,7 @@ impl Part {
                 Sheet::Splat => Sheet::Splat,
                 Sheet::Sum => Sheet::Sum,
             },
+            weight_distance: self.weight_distance,
             ..*whole
         };
         Scene {
@@ -244,6 +249,7 @@ fn quantise_scaled(scene: &Scene, extents: Extents, machine: &Machine) -> Result
         harmonics: None,
     };
     let walk = registers.walk(scene);
+    let inverse_distance = registers.inverse_distance(scene, &scale);
     let frame = Frame {
         width: scene.image.width as u32,
         height: scene.image.height as u32,
@@ -263,7 +269,7 @@ fn quantise_scaled(scene: &Scene, extents: Extents, machine: &Machine) -> Result
         background: registers.background(scene.image.background),
         lighting: registers.lighting(scene, &view),
         splats: registers.splats(scene, &scale),
-        ellipsoids: registers.ellipsoids(scene, &view),
+        ellipsoids: registers.ellipsoids(scene, &view, inverse_distance),
         sheets: registers.sheets(scene),
         window: registers.window(scene, &scale),
         surroundings: registers.surroundings(scene, &view),
@@ -277,6 +283,7 @@ fn quantise_scaled(scene: &Scene, extents: Extents, machine: &Machine) -> Result
             texels: registers.texels,
             harmonics: registers.harmonics,
             walk,
+            inverse_distance,
         });
     }
     let errors: Vec<String> = registers
@@ -600,7 +607,27 @@ impl RegisterLoader<'_> {
         Some(TreeWalk::new(detail))
     }
 
-    fn ellipsoids(&mut self, scene: &Scene, view: &View) -> Option<frame::Ellipsoids> {
+    /// 1/σ, machine units, if weights fall with depth.
+    fn inverse_distance(&mut self, scene: &Scene, scale: &Scale) -> Option<f64> {
+        if self.machine.depth_weight().is_some() {
+            return Some(1.0 / (scene.weight_distance()? * scale.factor()));
+        }
+        if let Some(distance) = scene
+            .sheets
+            .as_ref()
+            .and_then(|sheets| sheets.weight_distance)
+        {
+            self.notes.push(format!("sheets.weight_distance is {distance}, but weights fall with depth only on a machine with `sort.depth_weight`"));
+        }
+        None
+    }
+
+    fn ellipsoids(
+        &mut self,
+        scene: &Scene,
+        view: &View,
+        inverse_distance: Option<f64>,
+    ) -> Option<frame::Ellipsoids> {
         let ellipsoids = scene.ellipsoids.as_ref()?;
         let machine = self.machine;
         let Some(words) = &machine.ellipse.ellipsoid else {
@@ -671,6 +698,15 @@ impl RegisterLoader<'_> {
                 scales: scales(ellipsoids.orientations[0].scales),
                 least_opacity,
                 reach,
+                inverse_distance: inverse_distance.zip(machine.depth_weight()).map_or_else(
+                    Scaled::default,
+                    |(inverse, words)| {
+                        let Scaled { mantissa, places } = scaled(words.share, inverse);
+                        // A port has 8 bits for the power.
+                        let places = places.clamp(-127, 127);
+                        Scaled { mantissa, places }
+                    },
+                ),
             },
             own: if same {
                 Vec::new()

@@ -30,7 +30,7 @@ use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 /// Input words of the machine: the splat's record, and the registers of a frame.
-pub const INPUTS: [&str; 31] = [
+pub const INPUTS: [&str; 32] = [
     "splat.position",
     "splat.normal",
     "splat.radius",
@@ -51,6 +51,7 @@ pub const INPUTS: [&str; 31] = [
     "ellipse.quaternion",
     "ellipse.scale",
     "colour.coefficient",
+    "sort.share",
     "raster.cutoff",
     "gauss.weight",
     "fragment.depth",
@@ -491,10 +492,17 @@ impl Registers<'_> {
                 }
             }
         };
+        let inverse_distance =
+            (self.quantised.inverse_distance)
+                .zip(m.depth_weight())
+                .map(|(exact, words)| {
+                    hold.hold_scaled("sort.share", exact, words.share, kernel.inverse_distance)
+                });
         Some(Ellipsoid {
             amplitude: kernel.amplitude,
             jacobian: [limit(0), limit(1)],
             cutoff,
+            inverse_distance,
             orientation,
         })
     }

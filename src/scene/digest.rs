@@ -112,6 +112,7 @@ pub fn digest_of(scene: &Scene) -> String {
         keeps_last,
         least_weight,
         most_weight,
+        weight_distance,
     }) = sheets
     {
         let numbers: &[u32] = if let Sheet::Slice(numbers) = of {
@@ -125,6 +126,10 @@ pub fn digest_of(scene: &Scene) -> String {
         sha.update(format!(
             "{back_to_front}{opacity:?}{stop}{keeps_last}{least_weight}{most_weight}"
         ));
+        // Scenes without it keep their digests.
+        if let Some(distance) = weight_distance {
+            sha.update(format!("distance: {distance:?}"));
+        }
     }
     if let Some(environment) = environment {
         sha.update(environment.bytes().collect::<Vec<u8>>());

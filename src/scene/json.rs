@@ -357,6 +357,11 @@ struct SheetFields {
     /// Upper limit of a Gaussian's weight; default: 0.99.
     #[schemars(range(max = 1), extend("exclusiveMinimum" = 0))]
     most_weight: Option<f64>,
+    /// Depth σ from which a Gaussian has no weight, world units, on a machine that sums Gaussians
+    /// with weights that fall with depth (`sort.depth_weight`); default: twice the greatest depth of
+    /// a Gaussian's centre, in each view.
+    #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
+    weight_distance: Option<f64>,
 }
 
 /// A built-in cloud.
@@ -1031,6 +1036,11 @@ fn build(
             ));
         }
     }
+    if fields.sheets.weight_distance.is_some() && kind != SceneKind::Gaussians {
+        return Err(input_error(
+            "sheets.weight_distance is given, and only the weights of Gaussians fall with depth: leave it out".into(),
+        ));
+    }
     let detail = match &fields.level_of_detail {
         None => None,
         Some(_) if !gathered.media.is_empty() => {
@@ -1205,6 +1215,7 @@ impl SheetFields {
             keeps_last: self.keep_last.unwrap_or(true),
             least_weight: self.least_weight.unwrap_or(0.0),
             most_weight: self.most_weight.unwrap_or(1.0),
+            weight_distance: None,
         }
     }
 }
@@ -1320,6 +1331,7 @@ impl Medium {
                     keeps_last: fields.keep_last.unwrap_or(false),
                     least_weight: fields.least_weight.unwrap_or(1.0 / 255.0),
                     most_weight: fields.most_weight.unwrap_or(MOST_WEIGHT),
+                    weight_distance: fields.weight_distance,
                 });
                 scene.image.encoded = true;
             }

@@ -272,6 +272,9 @@ pub struct Sheets {
     pub least_weight: f64,
     /// Upper limit of weights if each splat is a sheet, in (0, 1].
     pub most_weight: f64,
+    /// Depth from which the weights of summed Gaussians are 0, if they fall with depth, world units,
+    /// above 0. `None`: chosen for the view ([`Scene::weight_distance`]).
+    pub weight_distance: Option<f64>,
 }
 
 impl Sheets {
@@ -631,6 +634,20 @@ impl Scene {
             .as_ref()
             .is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
         Some(self.least_weight()).filter(|least| is_peak && *least > 0.0)
+    }
+
+    /// Depth σ from which the weights of summed Gaussians are 0, on a machine whose weights fall with
+    /// depth. `None` where splats are not Gaussians. The default is twice the greatest depth of a
+    /// centre: there, the weight is ½.
+    pub fn weight_distance(&self) -> Option<f64> {
+        let sheets = self.sheets.as_ref().filter(|_| self.is_of_gaussians())?;
+        Some(sheets.weight_distance.unwrap_or_else(|| {
+            let view = self.view();
+            let depths = (self.splats.iter())
+                .map(|splat| view.rotation.row(2).dot(splat.position - view.eye));
+            // Gaussians at the near plane and before it are culled.
+            2.0 * depths.fold(self.camera.near, f64::max)
+        }))
     }
 
     /// Whether a peak is its splat's opacity times √(det V_r/det V).

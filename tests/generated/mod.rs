@@ -142,6 +142,13 @@ fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
         &named("fp16"),
         ellipsoids(),
     ));
+    let weights = r#"sort.depth_weight={"share": "U1F16S9", "weight": "U1F16S7"}"#;
+    cases.push(of(
+        "half-precision weights",
+        &bouquet(60, 16, &json!({"weight_distance": 3.2})),
+        &machine("fp16", &[ONE_LANE, "sort.kind=none", weights]),
+        ellipsoids(),
+    ));
     cases.push((
         "half-precision harmonics",
         made_up(&harmonics(60, 16, 3), &named("fp16"), &["colour"]),

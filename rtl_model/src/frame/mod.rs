@@ -182,6 +182,9 @@ pub struct Kernel {
     /// Words of the table of cutoffs by opacity, for boxes (`raster.cutoff`); empty if all boxes
     /// use the cutoff of the view.
     pub reach: Vec<i64>,
+    /// 1/σ (`sort.depth_weight.share`): weights are 0 from this depth on. Machines without weights
+    /// that fall with depth do not use it.
+    pub inverse_distance: Scaled,
 }
 
 /// An ellipsoid's own axes, in its record.

@@ -583,8 +583,9 @@ pub enum SortKind {
     Incremental,
     /// Not at all: the Gaussians of a pixel are summed, which needs no order. With w = Σw_i and the
     /// colours c_i, a pixel is (Σw_i·c_i + background)/(w + 1) (sort-free weighted sums,
-    /// arXiv 2410.18931, with equal weights for all depths). The table of `fragment.sheets` holds
-    /// 1/(w + 1). `key` and `digit_bits` are not used.
+    /// arXiv 2410.18931). Weights are the same for all depths, or fall with depth
+    /// (`sort.depth_weight`). The table of `fragment.sheets` holds 1/(w + 1). `key` and `digit_bits`
+    /// are not used.
     None,
 }
 
@@ -616,6 +617,28 @@ impl Default for Incremental {
     }
 }
 
+/// Weights of summed Gaussians that fall with depth: a Gaussian at depth t_z counts max(0, 1 −
+/// t_z/σ) times its opacity, where σ is the scene's `sheets.weight_distance` (LC-WSR of arXiv
+/// 2410.18931).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DepthWeight {
+    /// t_z/σ; also the mantissa of 1/σ, in [½, 1].
+    pub share: Word,
+    /// max(0, 1 − t_z/σ).
+    pub weight: Word,
+}
+
+impl Default for DepthWeight {
+    fn default() -> Self {
+        let word = Word::new(Format::unsigned(1, 16));
+        DepthWeight {
+            share: word,
+            weight: word,
+        }
+    }
+}
+
 /// The sort by depth between setup and raster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -637,6 +660,9 @@ pub struct Sort {
     /// entries.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incremental: Option<Incremental>,
+    /// Weights that fall with depth, for the kind `none`; left out, weights do not depend on depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_weight: Option<DepthWeight>,
 }
 
 impl Sort {
@@ -774,6 +800,13 @@ impl Machine {
     /// Whether the Gaussians of a pixel are summed, in any order.
     pub fn sums_gaussians(&self) -> bool {
         self.sort.is_some_and(|sort| sort.kind == SortKind::None)
+    }
+
+    /// Words of weights that fall with depth, if Gaussians are summed with such weights.
+    pub fn depth_weight(&self) -> Option<DepthWeight> {
+        self.sort
+            .filter(|_| self.sums_gaussians())
+            .and_then(|sort| sort.depth_weight)
     }
 
     /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded

@@ -614,6 +614,7 @@ pub(super) fn gaussian() -> Machine {
             tile_bits: None,
             digit_bits: 8,
             incremental: None,
+            depth_weight: None,
         }),
         gauss: Gauss {
             radial_index: unsigned(4, 16),

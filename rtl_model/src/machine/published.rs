@@ -271,6 +271,7 @@ pub(super) fn cubed() -> Machine {
             tile_bits: None,
             digit_bits: 8,
             incremental: None,
+            depth_weight: None,
         }),
         raster: Raster {
             rows: Rows::Direct,

@@ -287,6 +287,13 @@ impl Machine {
     }
 
     fn elaborate_sort(&self, e: &mut Elaboration) -> Option<Fit> {
+        let has_weights = self.sort.is_some_and(|sort| sort.depth_weight.is_some());
+        e.require(!has_weights || self.sums_gaussians(), || {
+            "sort.depth_weight weights summed Gaussians, and sort.kind is another: leave it out, or let sort.kind be none".into()
+        });
+        e.require(!has_weights || self.ellipse.ellipsoid.is_some(), || {
+            "sort.depth_weight weights Gaussians, but ellipse.ellipsoid is left out, which has the words of Gaussians: `--machine weighted` has them".into()
+        });
         if self.sums_gaussians() {
             e.require(self.fragment.sheets.is_some(), || {
                 "sort.kind is none, which sums Gaussians, but fragment.sheets is left out, which has the words of sums: `--machine weighted` has them".into()

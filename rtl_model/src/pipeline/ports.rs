@@ -407,11 +407,17 @@ fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     for axis in each("axis", ["0", "1", "2"]) {
         frame = axes(frame, &axis, "ellipse.normal", m.ellipse.normal);
     }
-    frame.words(&SCALES, "ellipse.scale", words.scale).word(
+    frame = frame.words(&SCALES, "ellipse.scale", words.scale).word(
         "least_opacity",
         "splat.opacity",
         m.splat.opacity,
-    )
+    );
+    match m.depth_weight() {
+        None => frame,
+        Some(words) => frame
+            .word("inverse_distance", "sort.share", words.share)
+            .exponent("inverse_distance_places"),
+    }
 }
 
 /// Registers common to all sheets.

@@ -198,6 +198,11 @@ fn ellipse_unit(elaborated: &Elaborated, variant: ellipse::Variant) -> Unit<'_, 
             }
             inputs.extend(each("scale", &["0", "1", "2"], register));
         }
+        if ellipsoid.depth_weight(&elaborated.machine).is_some() {
+            let places = Source::Opposite("inverse_distance_places".into());
+            inputs.push(("inverse_distance_exponent".into(), places));
+            inputs.push(register("inverse_distance"));
+        }
     }
     Unit {
         name: if ellipsoid.is_some() {

@@ -61,6 +61,8 @@ pub struct Ellipsoid<R> {
     pub jacobian: [R; 2],
     /// Cutoff of its box.
     pub cutoff: R,
+    /// 1/σ, if weights fall with depth.
+    pub inverse_distance: Option<R>,
     /// Its axes.
     pub orientation: Orientation<R>,
 }

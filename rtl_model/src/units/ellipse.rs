@@ -513,6 +513,10 @@ impl Ellipse {
                 registers.extend(kernel.axes.as_flattened());
                 registers.extend(kernel.scales);
             }
+            if ellipsoid.depth_weight(&self.machine).is_some() {
+                let Scaled { mantissa, places } = kernel.inverse_distance;
+                registers.extend([-places, mantissa]);
+            }
         }
         registers
     }

@@ -6,7 +6,7 @@ use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use crate::tier;
 use proptest::prelude::*;
 use rtl_model::frame::Each;
-use rtl_model::machine::{Merge, Rows, SortKind};
+use rtl_model::machine::{DepthWeight, Merge, Rows, SortKind};
 use rtl_model::num::{Format, Word};
 use rtl_model::pipeline::{draw, draw_measured, draw_unobserved};
 use rtl_model::probe::{Range, Ranges};
@@ -142,8 +142,13 @@ fn meters_equal_counted_ranges() {
 #[test]
 fn meters_of_ellipsoids_equal_counted_ranges() {
     let mut saturated = 0;
-    for name in Machine::ELLIPSOID_NAMES {
-        let machine = Machine::named(name).unwrap();
+    for (name, depth_weight) in (Machine::ELLIPSOID_NAMES.iter().map(|name| (name, None)))
+        .chain([(&"weighted", Some(DepthWeight::default()))])
+    {
+        let mut machine = Machine::named(name).unwrap();
+        if depth_weight.is_some() {
+            machine.sort.as_mut().unwrap().depth_weight = depth_weight;
+        }
         let elaborated = machine.elaborate().unwrap();
         for (seed, wildness) in
             (0..40).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness)))

@@ -4,8 +4,8 @@ use crate::mutation::{mutated, mutations, named, with_field, with_format};
 use proptest::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::{Operator, Part};
-use rtl_model::machine::Merge;
 use rtl_model::machine::timing::Organisation;
+use rtl_model::machine::{DepthWeight, Merge};
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
 use serde_json::json;
@@ -142,6 +142,15 @@ fn every_multiplier_is_declared() {
     assert_eq!(
         count(&reference, "shade") - count(&tiny, "shade"),
         2 + 3 + 1
+    );
+    // Weights that fall with depth: the depth's share of σ, and the opacity's product with 1 minus
+    // this share.
+    let mut machine = Machine::named("weighted").unwrap();
+    machine.sort.as_mut().unwrap().depth_weight = Some(DepthWeight::default());
+    let falling = machine.elaborate().unwrap();
+    assert_eq!(
+        count(&falling, "ellipse") - count(&built("weighted"), "ellipse"),
+        2
     );
 }
 

@@ -163,6 +163,7 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
             reach: (0..reach)
                 .map(|_| w.between(machine.raster.cutoff, 0.1, 4.0).max(1))
                 .collect(),
+            inverse_distance: Scaled::default(),
         },
         own,
         preshaded: w.rng.below(2) == 0,
@@ -175,6 +176,11 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         rng: Rng(!w.rng.0),
         wildness,
     };
+    if let (Some(words), Some(ellipsoids)) = (machine.depth_weight(), &mut frame.ellipsoids) {
+        // Splats are up to 0.7 in front of the eye.
+        let inverse = of_colour.rng.between(0.5, 5.0);
+        ellipsoids.kernel.inverse_distance = of_colour.scaled(words.share, inverse);
+    }
     let of_degree = (usize::from(harmonics) + 1).pow(2);
     let words = machine.colour.filter(|_| harmonics > 0);
     if let (Some(words), Some(ellipsoids)) = (words, &mut frame.ellipsoids) {

@@ -13,4 +13,5 @@ mod reach;
 #[expect(dead_code, reason = "the tests of the program use the rest")]
 mod tier;
 mod timing;
+mod weights;
 mod working;

@@ -172,6 +172,28 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         "VIEW_ASPECT_YY_LSB".into(),
         lsb("aspect_yy").unwrap_or(0).into(),
     ));
+    // Words of weights that fall with depth: all are 0 on machines without them.
+    if frame.ellipsoids.is_some() {
+        let words = m.depth_weight();
+        for (name, word) in [
+            ("SHARE", words.map(|words| words.share)),
+            ("WEIGHT", words.map(|words| words.weight)),
+        ] {
+            let sizes = word.map_or([0; 3], |word| {
+                [
+                    word.format.stored_bits(),
+                    word.format.frac_bits,
+                    word.round.code().into(),
+                ]
+            });
+            let names = ["W", "F", "ROUND"].map(|size| format!("VIEW_{name}_{size}"));
+            all.extend(names.into_iter().zip(sizes.map(i64::from)));
+        }
+        for name in ["inverse_distance", "inverse_distance_places"] {
+            let place = lsb(name).unwrap_or(0).into();
+            all.push((format!("VIEW_{}_LSB", constant(name)), place));
+        }
+    }
     let rules = [
         ("PROJECT_OPACITY_W", opacity_w.into()),
         ("PROJECT_LEAST_OPACITY_LSB", least_opacity_lsb.into()),

@@ -22,7 +22,15 @@
 //! Where the amplitude is the peak itself and weights below a least weight do not count, no weight
 //! counts beyond r = 2·ln(α/least). The box then uses that cutoff where it is less than the
 //! frame's. It comes from a table addressed by the leading bits of the opacity.
-//! is less than the frame's.
+//!
+//! Where Gaussians are summed with weights that fall with depth, the opacity is multiplied by such a
+//! weight before anything else (LC-WSR of arXiv 2410.18931):
+//!
+//! ```text
+//! t_z ─►(× 1/σ)─► share ─►[ max(0, 1 − ·) ]─► weight ─►(× opacity)─► weighted opacity
+//! ```
+//! Each of the three words is rounded. A weighted opacity of 0 culls as *faint*. The table of cutoffs
+//! is addressed by the opacity of the record, which is not less: a box is at most too large.
 
 use super::{
     BOUNDS, Ellipse, OUTPUTS, UNIT, Wires, camera_normal, culled, depth_slope, done, footprint,
@@ -32,8 +40,8 @@ use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{Amplitude, Kernel, View};
 use crate::functions::{ReciprocalRoot, table};
 use crate::graph::{Builder, Power, Wire};
-use crate::machine::{self, Machine};
-use crate::num::{Exact, three, two};
+use crate::machine::{self, DepthWeight, Machine};
+use crate::num::{Exact, Word, three, two};
 
 /// Parts of the unit that only ellipsoids use.
 #[derive(Clone, Debug)]
@@ -58,6 +66,12 @@ pub struct Variant {
 pub(super) const VARIANTS: usize = 8;
 
 impl Variant {
+    /// Words of weights that fall with depth, on a machine that sums such Gaussians.
+    pub fn depth_weight(self, machine: &Machine) -> Option<DepthWeight> {
+        let is_peak = matches!(self.amplitude, Amplitude::Peak | Amplitude::Compensated);
+        machine.depth_weight().filter(|_| is_peak)
+    }
+
     pub(super) fn number(self) -> usize {
         let amplitude = match self.amplitude {
             Amplitude::Disc => 0,
@@ -84,6 +98,49 @@ fn reach_shape(e: &mut Elaboration, machine: &Machine) -> Option<[u32; 2]> {
         opacity.min(12),
     );
     Some([bits, opacity - bits])
+}
+
+/// Parts and elaboration errors of weights that fall with depth.
+fn declare_depth_weight(e: &mut Elaboration, machine: &Machine, words: &DepthWeight) {
+    for (name, word) in [("share", words.share), ("weight", words.weight)] {
+        e.number("sort.depth_weight", name, word, false);
+        e.holds_one("sort.depth_weight", name, word);
+    }
+    let product = e.times(UNIT, machine.project.camera, words.share);
+    e.fit_shifted(UNIT, "depth_share", words.share, product);
+    let rest = unit_interval(words.share);
+    e.adders(UNIT, 1, rest.plus(words.share).bits());
+    e.choice(UNIT, 2, rest.bits());
+    e.fit(UNIT, "depth_weight", words.weight, rest);
+    let weighted = e.times(UNIT, machine.splat.opacity, words.weight);
+    e.fit(UNIT, "weighted_opacity", machine.splat.opacity, weighted);
+}
+
+/// Numbers from 0 to 1 with the fraction bits of a word.
+fn unit_interval(word: Word) -> Exact {
+    Exact {
+        int_bits: 1,
+        frac_bits: word.format.frac_bits,
+    }
+}
+
+/// The opacity times a weight that falls with depth: max(0, 1 − t_z/σ).
+fn weighted_opacity(
+    g: &mut Builder,
+    machine: &Machine,
+    words: &DepthWeight,
+    (forward, opacity): (Wire, Wire),
+) -> Wire {
+    let power = g.power_input(Power::ONE);
+    let inverse_distance = g.input_under(words.share, power);
+    let product = g.times(forward, inverse_distance);
+    let share = g.fit_to("depth_share", words.share, product, Power::ONE);
+    let one = g.one(words.share);
+    let rest = g.minus(one, share);
+    let rest = g.natural(rest);
+    let weight = g.fit("depth_weight", words.weight, rest);
+    let weighted = g.times(opacity, weight);
+    g.fit("weighted_opacity", machine.splat.opacity, weighted)
 }
 
 impl Ellipsoids {
@@ -194,6 +251,9 @@ impl Ellipsoids {
         });
         e.fit(UNIT, "amplitude", m.amplitude, shown);
         e.fit(UNIT, "amplitude", m.amplitude, machine.splat.opacity);
+        if let Some(words) = machine.depth_weight() {
+            declare_depth_weight(e, machine, &words);
+        }
         Some(Ellipsoids {
             ray_root,
             compensation_root,
@@ -288,6 +348,9 @@ pub(super) fn set_up(
             three!(_i => g.input(words.scale)),
         ),
     };
+    let opacity = variant.depth_weight(machine).map_or(opacity, |words| {
+        weighted_opacity(g, machine, &words, (w.forward, opacity))
+    });
     let slope = two!(axis => {
         let (limit, least) = (limits[axis], g.negated(limits[axis]));
         let slope = g.lesser(w.slope[axis], limit);

@@ -135,6 +135,14 @@ impl Ellipse {
                 inputs.extend(axes.as_flattened().iter().copied().map(value));
                 inputs.extend(scales.map(value));
             }
+            let weighs =
+                (variant.ellipsoid).is_some_and(|own| own.depth_weight(&self.machine).is_some());
+            if let (true, Some(inverse)) = (weighs, of.inverse_distance) {
+                inputs.extend([
+                    [Bounded::exponent(inverse.leading().shifted(1)); ITEMS],
+                    value(inverse),
+                ]);
+            }
         }
         let datapath = self.datapath(variant);
         let given = Given {

@@ -39,7 +39,7 @@ pub fn constants(machine: &Machine, frame: &Frame) -> Vec<(&'static str, Vec<Vec
         frame.inverse_threshold.places,
     ]);
     words.extend(frame.background);
-    words.extend(frame.ellipsoids.iter().flat_map(kernel));
+    words.extend(frame.ellipsoids.iter().flat_map(|of| kernel(machine, of)));
     words.extend(frame.sheets.iter().flat_map(registers));
     words.extend(frame.window.iter().map(|window| window.reach));
     let lights = frame.lighting.lights.iter().map(|light| {
@@ -91,7 +91,7 @@ pub fn constants(machine: &Machine, frame: &Frame) -> Vec<(&'static str, Vec<Vec
 }
 
 /// Words of the constants of all ellipsoids.
-fn kernel(ellipsoids: &Ellipsoids) -> Vec<i64> {
+fn kernel(machine: &Machine, ellipsoids: &Ellipsoids) -> Vec<i64> {
     let kernel = &ellipsoids.kernel;
     let amplitude = match kernel.amplitude {
         Amplitude::Disc => 0,
@@ -100,12 +100,16 @@ fn kernel(ellipsoids: &Ellipsoids) -> Vec<i64> {
         Amplitude::Compensated => 3,
     };
     let [preshaded, own] = [ellipsoids.preshaded, !ellipsoids.own.is_empty()].map(i64::from);
+    let Scaled { mantissa, places } = kernel.inverse_distance;
+    let inverse_distance = [mantissa, places];
+    let of_weights = machine.depth_weight().map_or(0, |_| inverse_distance.len());
     [
         &[amplitude, preshaded, own],
         &kernel.jacobian[..],
         kernel.axes.as_flattened(),
         &kernel.scales,
         &[kernel.least_opacity],
+        &inverse_distance[..of_weights],
     ]
     .concat()
 }

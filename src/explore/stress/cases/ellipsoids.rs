@@ -147,6 +147,7 @@ fn gaussians(all: Vec<(Splat, Orientation)>) -> Scene {
             keeps_last: false,
             least_weight: 1.0 / 255.0,
             most_weight: 0.99,
+            weight_distance: None,
         }),
         ..picture(SIDE, SIDE, splats)
     }
@@ -303,6 +304,7 @@ fn slab(slices: usize, optical_depth: f64) -> Scene {
             keeps_last: true,
             least_weight: 0.0,
             most_weight: 1.0,
+            weight_distance: None,
         }),
         ..picture(32, 32, splats)
     }
