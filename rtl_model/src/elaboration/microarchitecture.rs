@@ -1399,7 +1399,7 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Ela
             .min()
             .unwrap_or(u64::MAX);
         e.errors.push(format!(
-            "timing.clock_hz is {}, but {item} takes {unit} {}, and has one cycle: at most {} in {}",
+            "timing.clock_hz is {}, but {unit} needs {} for {item}, which has one cycle: at most {} in {}",
             t.clock_hz,
             fo4(path.delay),
             hertz(highest),

@@ -281,7 +281,7 @@ impl Near {
     /// and gains `up` ulp.
     ///
     /// Then applies the limits. A word that wraps and can be out of range can have any value.
-    #[inline]
+    #[inline(always)]
     fn in_word(self, word: Word, [fine, coarse]: [f64; 2], [down, up]: [f64; 2]) -> Near {
         let (low, high) = (self.low() - down * coarse, self.high() + up * coarse);
         let (least, most) = (word.format.min() as f64, word.format.max() as f64);
@@ -427,7 +427,7 @@ impl Real for Near {
         self * Near::exact(constant)
     }
 
-    #[inline]
+    #[inline(always)]
     fn fit(self, fit: &Fit, scale: Scale) -> Near {
         let places = [scale.low, scale.high]
             .map(|exponent| power_of_two(exponent - fit.word.format.frac_bits));

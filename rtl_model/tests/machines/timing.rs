@@ -229,7 +229,7 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     assert_eq!(
         errors,
         [
-            "timing.clock_hz is 400000000, but a layer takes resolve 57.8 FO4, and has one cycle: at most 156 MHz in 180 nm"
+            "timing.clock_hz is 400000000, but resolve needs 57.8 FO4 for a layer, which has one cycle: at most 156 MHz in 180 nm"
         ]
     );
     assert!(
