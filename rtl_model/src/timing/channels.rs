@@ -8,7 +8,7 @@
 //! Time is counted without refreshes, as if memory slept through them; `awake` and `asleep` convert
 //! between the two times. A refresh is at the end of each interval, and closes every row. The bus
 //! keeps the gaps between its used cycles, as the single channel does. Transfers fill these gaps
-//! byte by byte. Only those with a turnaround in front of them are moved together.
+//! byte by byte, but a turnaround and the byte behind it need one gap.
 //!
 //! The bytes of a request in a channel are next to each other there. Those of one row are moved
 //! together, and if the row was opened for them, all of them arrive after the latency of a closed
@@ -96,9 +96,8 @@ impl Bank {
 struct Activations(VecDeque<u64>);
 
 impl Activations {
-    /// Adds the first activation from `now` on that is a `window` behind the fourth one before it;
-    /// returns its cycle. None is before `forgotten` any more. Later ones, of requests that were
-    /// replayed earlier, do not delay it.
+    /// Adds the first activation from `now` on that leaves at most four in any `window`; returns its
+    /// cycle. None is before `forgotten` any more.
     fn take(&mut self, mut now: u64, window: u64, forgotten: u64) -> u64 {
         let Activations(cycles) = self;
         while cycles
@@ -108,11 +107,26 @@ impl Activations {
         loop {
             let at = cycles.partition_point(|cycle| *cycle <= now);
             let fourth = at.checked_sub(4).map_or(0, |first| cycles[first] + window);
-            if fourth <= now {
-                cycles.insert(at, now);
-                return now;
+            if fourth > now {
+                now = fourth;
+                continue;
             }
-            now = fourth;
+            // Those that are behind it and were added before keep their distance.
+            let end = cycles.len().min(at + 4);
+            let is_too_near = |nth: usize| {
+                let fourth = match nth.checked_sub(3) {
+                    Some(first) if first < at => cycles[first],
+                    Some(_) => now,
+                    None => return false,
+                };
+                cycles[nth] < fourth + window
+            };
+            if (at..end).any(is_too_near) {
+                now = cycles[at];
+                continue;
+            }
+            cycles.insert(at, now);
+            return now;
         }
     }
 }
@@ -308,9 +322,9 @@ impl Channels {
                 }
             }
         }
-        let (from, amount) = (start * a_cycle, still * a_cycle + bytes * a_byte);
+        let (from, idle, amount) = (start * a_cycle, still * a_cycle, bytes * a_byte);
         let end = if still > 0 {
-            channel.bus.take_together(from, amount)
+            channel.bus.take_behind(from, idle, amount)
         } else {
             channel.bus.take(from, amount)
         };

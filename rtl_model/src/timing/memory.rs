@@ -157,12 +157,13 @@ impl Free {
         gap.map_or(self.never_used, |gap| gap.start.max(now))
     }
 
-    /// Uses the first `amount` that is free together from `now` on; returns its end.
-    pub fn take_together(&mut self, now: u64, amount: u64) -> u64 {
+    /// Uses `idle` and then `amount`, from `now` on: `idle` and the beginning of the rest are free
+    /// together. Returns the end.
+    pub fn take_behind(&mut self, now: u64, idle: u64, amount: u64) -> u64 {
         let index = self.gaps.partition_point(|gap| gap.end <= now);
-        let first = (self.gaps.range(index..)).find(|gap| gap.end >= now.max(gap.start) + amount);
+        let first = (self.gaps.range(index..)).find(|gap| gap.end > now.max(gap.start) + idle);
         let from = first.map_or(self.never_used, |gap| gap.start);
-        self.take(now.max(from), amount)
+        self.take(now.max(from), idle + amount)
     }
 
     fn fill_gaps(&mut self, now: u64, mut amount: u64) -> u64 {

@@ -88,12 +88,12 @@ fn check_sorters(memory: fn(&mut Rng, Memory) -> Memory, most: i64, together: i6
 
 #[test]
 fn a_frame_with_sorters_and_narrow_memory_moves_the_same_bytes_in_about_the_time() {
-    check_sorters(finite, 45, 10);
+    check_sorters(finite, 20, 5);
 }
 
 #[test]
 fn a_frame_with_sorters_and_channels_moves_the_same_bytes_in_about_the_time() {
-    check_sorters(with_channels, 45, 10);
+    check_sorters(with_channels, 35, 5);
 }
 
 /// Error of the replay in thousandths of the ticks, from fastest to slowest, and for all ticks
