@@ -7,8 +7,7 @@
 //! ```
 //! Time is counted without refreshes, as if memory slept through them; `awake` and `asleep` convert
 //! between the two times. A refresh is at the end of each interval, and closes every row. The bus
-//! keeps the gaps between its used cycles, as the single channel does. Transfers fill these gaps
-//! byte by byte, but a turnaround and the byte behind it need one gap.
+//! keeps the gaps between its used cycles, as the single channel does.
 //!
 //! The bytes of a request in a channel are next to each other there. Those of one row are moved
 //! together, and if the row was opened for them, all of them arrive after the latency of a closed
@@ -322,13 +321,10 @@ impl Channels {
                 }
             }
         }
-        let (from, idle, amount) = (start * a_cycle, still * a_cycle, bytes * a_byte);
-        let end = if still > 0 {
-            channel.bus.take_behind(from, idle, amount)
-        } else {
-            channel.bus.take(from, amount)
-        };
-        let moved = end.div_ceil(a_cycle);
+        let moved = channel
+            .bus
+            .take(start * a_cycle, still * a_cycle + bytes * a_byte)
+            .div_ceil(a_cycle);
         let Bank(rows) = &mut channel.banks[nth];
         rows[place].served = rows[place].served.max(moved);
         let latency = if is_open {

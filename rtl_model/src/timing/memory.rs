@@ -157,15 +157,6 @@ impl Free {
         gap.map_or(self.never_used, |gap| gap.start.max(now))
     }
 
-    /// Uses `idle` and then `amount`, from `now` on: `idle` and the beginning of the rest are free
-    /// together. Returns the end.
-    pub fn take_behind(&mut self, now: u64, idle: u64, amount: u64) -> u64 {
-        let index = self.gaps.partition_point(|gap| gap.end <= now);
-        let first = (self.gaps.range(index..)).find(|gap| gap.end > now.max(gap.start) + idle);
-        let from = first.map_or(self.never_used, |gap| gap.start);
-        self.take(now.max(from), idle + amount)
-    }
-
     fn fill_gaps(&mut self, now: u64, mut amount: u64) -> u64 {
         let mut index = self.gaps.partition_point(|gap| gap.end <= now);
         loop {
