@@ -43,16 +43,9 @@ struct Bank(VecDeque<Opened>);
 const ROWS: usize = 32;
 
 impl Bank {
-    /// The place and the cycle in which a request finds its row open, if it does. `bus` is the first
-    /// cycle in which its transfer can begin, from its own on: it is not before another row is
-    /// opened.
-    fn finds(
-        &mut self,
-        now: u64,
-        row: u64,
-        refreshes: u64,
-        bus: impl Fn(u64) -> u64,
-    ) -> Option<(usize, u64)> {
+    /// The place and the cycle in which a request finds its row open, if it does. It is served
+    /// before the bank opens another row.
+    fn finds(&mut self, now: u64, row: u64, refreshes: u64) -> Option<(usize, u64)> {
         let Bank(rows) = self;
         while rows.get(1).is_some_and(|next| next.since <= now) || rows.len() > ROWS {
             rows.pop_front();
@@ -60,10 +53,7 @@ impl Bank {
         let found = rows
             .iter()
             .rposition(|opened| opened.row == row && opened.refreshes == refreshes)?;
-        let start = rows[found].since.max(now);
-        let next = rows.get(found + 1);
-        next.is_none_or(|next| bus(start) < next.since)
-            .then_some((found, start))
+        Some((found, rows[found].since.max(now)))
     }
 
     /// The first cycle from `now` on in which it can open a row: `row_cycles` after the row before,
@@ -281,8 +271,7 @@ impl Channels {
         let nth = row as usize & (channel.banks.len() - 1);
         let rank = nth / d.banks as usize;
         let bank = &mut channel.banks[nth];
-        let bus = |start: u64| channel.bus.first(start * a_cycle) / a_cycle;
-        let found = bank.finds(now, row, between, bus);
+        let found = bank.finds(now, row, between);
         let is_open = found.is_some();
         let [row_cycles, four_rows] = [d.row_cycles, d.four_rows_cycles].map(cycles);
         let (place, start) = found.unwrap_or_else(|| {

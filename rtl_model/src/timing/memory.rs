@@ -147,16 +147,6 @@ impl Free {
         }
     }
 
-    /// The first that is free from `now` on.
-    pub fn first(&self, now: u64) -> u64 {
-        if self.never_used <= now {
-            return now;
-        }
-        let index = self.gaps.partition_point(|gap| gap.end <= now);
-        let gap = self.gaps.get(index);
-        gap.map_or(self.never_used, |gap| gap.start.max(now))
-    }
-
     fn fill_gaps(&mut self, now: u64, mut amount: u64) -> u64 {
         let mut index = self.gaps.partition_point(|gap| gap.end <= now);
         loop {
