@@ -361,13 +361,13 @@ impl<'a> FrameContext<'a> {
     }
 
     /// A splat, exact and with the machine's bounds.
-    fn splat(&self, index: u32) -> BoundedSplat {
+    fn splat(&self, index: u32) -> Box<BoundedSplat> {
         let [splat] = self.splats([index]);
         splat
     }
 
     /// Splats, exact and with the machine's bounds.
-    fn splats<const ITEMS: usize>(&self, indices: [u32; ITEMS]) -> [BoundedSplat; ITEMS] {
+    fn splats<const ITEMS: usize>(&self, indices: [u32; ITEMS]) -> [Box<BoundedSplat>; ITEMS] {
         let registers = Registers {
             scene: self.scene,
             eye: &self.eye,
@@ -387,11 +387,16 @@ impl<'a> FrameContext<'a> {
             ellipsoids.each_ref().map(Option::as_ref),
             [frame.width, frame.height],
         );
-        array::from_fn(|item| self.bounded(indices[item], records[item], near[item]))
+        array::from_fn(|item| self.bounded(indices[item], &records[item], &near[item]))
     }
 
     /// A splat with the machine's bounds, which its record has.
-    fn bounded(&self, index: u32, record: real::Splat<Near>, near: NearFootprint) -> BoundedSplat {
+    fn bounded(
+        &self,
+        index: u32,
+        record: &real::Splat<Near>,
+        near: &NearFootprint,
+    ) -> Box<BoundedSplat> {
         let (mut footprint, cull) = self.footprint(index);
         let turned = record.turned == Some(true);
         let turns_differently = self.common.rules.turn_normals && turned != footprint.faces_away();
@@ -428,17 +433,17 @@ impl<'a> FrameContext<'a> {
         let [r, g, b] = rgb;
         let attributes = [r, g, b, record.opacity, normal[0], normal[1], normal[2]];
         let filled = self.common.limits.filled(&attributes);
-        BoundedSplat {
+        Box::new(BoundedSplat {
             index,
             footprint,
             cull,
-            near,
-            record,
+            near: *near,
+            record: *record,
             attributes,
             filled,
             turns_differently,
             own,
-        }
+        })
     }
 
     /// Number of a pixel's tile.
@@ -642,7 +647,7 @@ struct LockstepProbe<'a> {
     sheets: Vec<SheetPixel>,
     /// The pixels if fragments are grouped by windows.
     windows: Vec<WindowPixel>,
-    /// The current splat, boxed because it is large.
+    /// The current splat, boxed, as all are: they are large.
     splat: Option<Box<BoundedSplat>>,
     /// Splats of the previous tile and of the current one that continue to the right, probably into
     /// the next tile. They are set up once for both.
@@ -767,13 +772,12 @@ impl<'a> LockstepProbe<'a> {
             }
         }
         if count == 1 {
-            return Box::new(stage.splat(splat));
+            return stage.splat(splat);
         }
         let [splat, next @ ..] = stage.splats(indices);
-        for next in next.into_iter().take(count - 1) {
-            self.continued[0].insert(next.index, Box::new(next));
-        }
-        Box::new(splat)
+        let next = next.into_iter().take(count - 1);
+        self.continued[0].extend(next.map(|next| (next.index, next)));
+        splat
     }
 
     /// Ends the current splat in the tile that begins at (`left`, `top`): contributions that only

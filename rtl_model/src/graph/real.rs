@@ -100,6 +100,16 @@ enum Outcome<R, const ITEMS: usize> {
     Condition,
 }
 
+/// The numbers of all items. `array::from_fn` is not always inlined.
+#[inline(always)]
+fn per_item<R: Real, const ITEMS: usize>(of: impl Fn(usize) -> R) -> [R; ITEMS] {
+    let mut numbers = [R::constant(0.0); ITEMS];
+    for (item, number) in numbers.iter_mut().enumerate() {
+        *number = of(item);
+    }
+    numbers
+}
+
 /// The power of two whose even power normalises a number to [1, 4).
 fn half(scale: Scale) -> Scale {
     Scale {
@@ -207,13 +217,13 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         // By the number of an item, or by its numbers on some wires.
         macro_rules! by_item {
             ($item:ident => $value:expr) => {
-                Outcome::Values(array::from_fn(|$item| $value))
+                Outcome::Values(per_item(|$item| $value))
             };
         }
         macro_rules! each {
             ($($wire:ident),+ => $value:expr) => {{
                 $(let $wire = of($wire);)+
-                Outcome::Values(array::from_fn(|item| {
+                Outcome::Values(per_item(|item| {
                     $(let $wire = $wire[item];)+
                     $value
                 }))
@@ -273,8 +283,11 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 each!(from => look_up(table, from).fit(table.fit(), Scale::ONE))
             }
             Operator::Fit(from, ref fit) | Operator::FitShifted(from, _, ref fit) => {
-                let scales = results.relative_to(&node.power);
-                by_item!(item => of(from)[item].fit(fit, scales[item]))
+                Outcome::Values(R::fit_each(
+                    of(from),
+                    fit,
+                    &results.relative_to(&node.power),
+                ))
             }
             Operator::Largest([a, b, c]) => {
                 let scales = relative_to(a);

@@ -78,6 +78,7 @@ impl Format {
     }
 
     /// Smallest word.
+    #[inline]
     pub const fn min(self) -> i64 {
         match (self.signed, self.is_float()) {
             (true, false) => -(1 << (self.width() - 1)),
@@ -87,6 +88,7 @@ impl Format {
     }
 
     /// Greatest word.
+    #[inline]
     pub const fn max(self) -> i64 {
         let all = (1 << self.magnitude_bits()) - 1;
         if self.is_float() {

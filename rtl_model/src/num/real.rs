@@ -70,8 +70,23 @@ pub fn power_of_two(exponent: i32) -> f64 {
     if (-1022..=1023).contains(&exponent) {
         f64::from_bits(((exponent + 1023) as u64) << 52)
     } else {
-        f64::from(exponent).exp2()
+        far_power_of_two(exponent)
     }
+}
+
+/// 2^exponent of a normal number, and its nearest limit for any other. It has no branch, so that
+/// loops over items can be vectorised.
+#[inline]
+pub fn normal_power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((exponent.clamp(-1022, 1023) + 1023) as u64) << 52)
+}
+
+/// 2^exponent. A function of its own, because the compiler would otherwise work this out for normal
+/// numbers too and select.
+#[cold]
+#[inline(never)]
+fn far_power_of_two(exponent: i32) -> f64 {
+    f64::from(exponent).exp2()
 }
 
 /// ⌊log2 x⌋ of a positive number; for 0 the exponent of the least normal number.

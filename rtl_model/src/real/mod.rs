@@ -22,7 +22,7 @@
 pub mod frame;
 mod mixed_precision;
 
-pub use crate::num::real::{floor_log2, power_of_two};
+pub use crate::num::real::{floor_log2, normal_power_of_two, power_of_two};
 pub use mixed_precision::{MixedPrecision, Switches};
 
 use crate::frame::Scaled;
@@ -30,6 +30,7 @@ use crate::functions::map::real::RealMap;
 use crate::functions::table::real::Power;
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::num::{Fit, Overflow, Word};
+use std::array;
 use std::cmp::Ordering;
 use std::f64::consts::SQRT_2;
 use std::ops::{Add, Mul, Neg, Sub};
@@ -123,6 +124,10 @@ pub trait Real:
     fn times(self, constant: f64) -> Self;
     /// Quantises the machine side; the exact side is unchanged.
     fn fit(self, fit: &Fit, scale: Scale) -> Self;
+    /// Quantises items to the same word, each with its own scale.
+    fn fit_each<const N: usize>(items: &[Self; N], fit: &Fit, scales: &[Scale; N]) -> [Self; N] {
+        array::from_fn(|item| items[item].fit(fit, scales[item]))
+    }
     /// Quantises the machine side, which has `frac_bits` fraction bits, without a shift. It loses
     /// nothing if the word has as many fraction bits.
     fn refit(self, frac_bits: i32, fit: &Fit) -> Self;
@@ -338,6 +343,8 @@ impl Near {
     }
 
     /// A monotone function, which the machine computes with an error up to `error`.
+    #[cold]
+    #[inline(never)]
     fn function(self, exact: impl Fn(f64) -> f64, error: f64) -> Near {
         let (a, b) = (exact(self.low()), exact(self.high()));
         Near::between(exact(self.value), a.min(b) - error, a.max(b) + error)
@@ -411,18 +418,22 @@ impl Mul for Near {
 }
 
 impl Real for Near {
+    #[inline]
     fn constant(value: f64) -> Near {
         Near::exact(value)
     }
 
+    #[inline]
     fn constant_like(self, value: f64) -> Near {
         Near::exact(value)
     }
 
+    #[inline]
     fn plus(self, constant: f64) -> Near {
         self + Near::exact(constant)
     }
 
+    #[inline]
     fn times(self, constant: f64) -> Near {
         self * Near::exact(constant)
     }
@@ -435,6 +446,28 @@ impl Real for Near {
             return self.in_float(fit.word, places);
         }
         self.in_word(fit.word, places, fit.word.loss())
+    }
+
+    /// In the common case, in which all items are away from the limits, without a branch per item.
+    #[inline(always)]
+    fn fit_each<const N: usize>(items: &[Near; N], fit: &Fit, scales: &[Scale; N]) -> [Near; N] {
+        let Word { format, .. } = fit.word;
+        let [down, up] = fit.word.loss();
+        let (least, most) = (format.min() as f64, format.max() as f64);
+        let mut results = *items;
+        let mut is_common = !format.is_float();
+        for (result, scale) in results.iter_mut().zip(scales) {
+            let [low, high] = [scale.low, scale.high].map(|exponent| exponent - format.frac_bits);
+            let [fine, coarse] = [low, high].map(normal_power_of_two);
+            is_common &= (low >= -1022) & (high <= 1023);
+            is_common &= least * fine <= result.low() - down * coarse;
+            is_common &= result.high() + up * coarse <= most * fine;
+            *result = Near::within(result.value, result.error + down.max(up) * coarse);
+        }
+        if is_common {
+            return results;
+        }
+        array::from_fn(|item| items[item].fit(fit, scales[item]))
     }
 
     #[inline]
@@ -512,6 +545,7 @@ impl Real for Near {
         }
     }
 
+    #[inline]
     fn abs(self) -> Near {
         Near {
             value: self.value.abs(),
@@ -519,6 +553,7 @@ impl Real for Near {
         }
     }
 
+    #[inline]
     fn max(self, other: Near) -> Near {
         Near::between(
             self.value.max(other.value),
@@ -527,6 +562,7 @@ impl Real for Near {
         )
     }
 
+    #[inline]
     fn min(self, other: Near) -> Near {
         Near::between(
             self.value.min(other.value),
@@ -549,10 +585,12 @@ impl Real for Near {
         self.at_most(1.0 - power_of_two(-fit.word.format.frac_bits))
     }
 
+    #[inline]
     fn at_least_an_ulp(self, fit: &Fit, scale: Scale) -> Near {
         self.at_least(power_of_two(scale.low - fit.word.format.frac_bits))
     }
 
+    #[inline]
     fn an_ulp_more(self, fit: &Fit) -> Near {
         self.off_by(power_of_two(-fit.word.format.frac_bits))
     }
@@ -575,19 +613,22 @@ impl Real for Near {
         } else {
             (below(), at_least())
         };
-        std::array::from_fn(|i| taken[i].or(other[i]))
+        array::from_fn(|i| taken[i].or(other[i]))
     }
 
+    #[inline]
     fn reciprocal(self, unit: &Reciprocal) -> Near {
         let error = unit.relative_error();
         inverse(self, |x| 1.0 / x, error)
     }
 
+    #[inline]
     fn inverse_root(self, unit: &ReciprocalRoot) -> Near {
         let error = unit.relative_error();
         inverse(self, |x| 1.0 / x.sqrt(), error)
     }
 
+    #[inline]
     fn root(self, unit: &ReciprocalRoot) -> Near {
         let error = unit.relative_error();
         Near::between(
@@ -597,6 +638,7 @@ impl Real for Near {
         )
     }
 
+    #[inline]
     fn with_sign_of(self, other: Near) -> Near {
         let value = self.value.abs().copysign(other.value);
         if other.low() < 0.0 && other.high() >= 0.0 {
@@ -637,7 +679,7 @@ impl Real for Near {
             map.exact(at),
             map.error(at, place.map(Near::low), place.map(Near::high)),
         );
-        std::array::from_fn(|i| Near::within(exact[i], error[i]))
+        array::from_fn(|i| Near::within(exact[i], error[i]))
     }
 
     /// Vectors that differ by d differ in length by at most |d|.
