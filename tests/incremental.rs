@@ -595,8 +595,11 @@ fn lists_that_cannot_be_kept_are_refused() {
         frame,
         ..Origin::default()
     };
-    let traced = |frame: usize| {
-        let window = Window::default();
+    let traced = |frame: usize, units: &[&str]| {
+        let window = Window {
+            units: units.iter().map(ToString::to_string).collect(),
+            ..Window::default()
+        };
         trace(
             &scenes[frame],
             origin(frame),
@@ -605,7 +608,11 @@ fn lists_that_cannot_be_kept_are_refused() {
             folder.path(),
         )
     };
-    assert!(traced(0).is_ok());
-    let error = traced(1).unwrap_err().to_string();
-    assert!(error.contains("depend on the frames before it"), "{error}");
+    assert!(traced(0, &[]).is_ok());
+    for units in [&[][..], &["project", "gauss"]] {
+        let error = traced(1, units).unwrap_err().to_string();
+        assert!(error.contains("depend on the frames before it"), "{error}");
+    }
+    // Setup does not depend on lists.
+    assert!(traced(1, &["project", "ellipse"]).is_ok());
 }

@@ -136,14 +136,20 @@ pub fn trace(
     let elaborated = fixed::elaborate(machine)?;
     let mut frame = quantise(scene, machine)?.frame;
     let kind = Kind::of(&frame);
-    if elaborated.tests_blocks(&frame).is_some() && window.stimulus.is_none() {
-        return Err(Error::input(
-            "the machine's `contribution` leaves out blocks of pixels, and records of raster have no mask: leave `contribution` out, or use --stimulus without --waves",
-        ));
-    }
-    if frame.lists.is_some() && window.stimulus.is_none() {
+    let mut notes = Vec::new();
+    let without_raster;
+    let window = if elaborated.tests_blocks(&frame).is_some() && window.stimulus.is_none() {
+        without_raster = window.without_raster(kind, &mut notes)?;
+        &without_raster
+    } else {
+        window
+    };
+    let is_of_setup = |unit: &String| ["project", "ellipse"].contains(&unit.as_str());
+    let is_only_setup =
+        window.waves.is_none() && !window.units.is_empty() && window.units.iter().all(is_of_setup);
+    if frame.lists.is_some() && window.stimulus.is_none() && !is_only_setup {
         return Err(Error::input(format!(
-            "sort.kind is incremental, and the lists of frame {} depend on the frames before it, which a trace does not have: trace frame 0, or use another sort.kind",
+            "sort.kind is incremental, and the lists of frame {} depend on the frames before it, which a trace does not have: trace frame 0, --units project,ellipse, or use another sort.kind",
             scene.cameras_before().len()
         )));
     }
@@ -166,7 +172,6 @@ pub fn trace(
         machine: &elaborated,
         frame: &frame,
     };
-    let mut notes = Vec::new();
     let mut contents = if let Some(cases) = window.stimulus {
         let stimulus::Stimulus {
             made,
@@ -543,6 +548,32 @@ impl Window {
             )));
         }
         Ok([left, top, right + 1, bottom + 1])
+    }
+
+    /// This window for a machine whose rasteriser passes over blocks of pixels, which the records of
+    /// raster do not show.
+    fn without_raster(&self, kind: Kind, notes: &mut Vec<String>) -> Result<Window> {
+        let reason = "the machine's `contribution` leaves out blocks of pixels, and records of raster have no mask";
+        let of_raster = |unit: &String| unit == "raster";
+        if self.waves.is_some() || self.units.iter().any(of_raster) {
+            return Err(Error::input(format!(
+                "{}: {reason}: leave `contribution` out, or use --stimulus without --waves",
+                if self.waves.is_some() {
+                    "--waves"
+                } else {
+                    "--units raster"
+                }
+            )));
+        }
+        let mut window = self.clone();
+        if window.units.is_empty() {
+            let others = units(kind).into_iter().filter(|unit| *unit != "raster");
+            window.units = others.map(str::to_owned).collect();
+            notes.push(format!(
+                "raster is not traced: {reason}; --stimulus writes cases for it"
+            ));
+        }
+        Ok(window)
     }
 
     fn includes(&self, kind: Kind, stream: &Stream) -> bool {
