@@ -329,8 +329,32 @@ fn a_raster_without_differences_gives_the_records_of_the_machine() {
     ] {
         let trace = traced(&cloud(60, 32), &machine, &window);
         assert!(drive(simulator, &trace, raster, 32, &STALLS) > 200);
+        if simulator == Simulator::Icarus {
+            for (find, put) in FAULTS_OF_PRODUCTS {
+                is_found_out(&trace, raster, ("raster.sv", find, put));
+            }
+        }
     }
 }
+
+/// Faults of a raster without differences: text, and what replaces it.
+const FAULTS_OF_PRODUCTS: [(&str, &str); 9] = [
+    ("MIDDLE_W'({x, 1'b1})", "MIDDLE_W'({first_column, 1'b1})"),
+    ("MIDDLE_W'({y, 1'b1})", "MIDDLE_W'({first_row, 1'b1})"),
+    ("exact_both = px * py", "exact_both = px * px"),
+    ("exact_y = py * py", "exact_y = py * px"),
+    ("SUM_W'(xx) * square_x + ", ""),
+    (
+        "(1 + machine_pkg::ELLIPSE_CONIC_F - ",
+        "(machine_pkg::ELLIPSE_CONIC_F - ",
+    ),
+    (
+        "!radial_here[RADIAL_W-1] && radial_here < limit",
+        "radial_here < limit",
+    ),
+    ("&& radial_here < limit", "&& radial_here <= limit"),
+    ("z_here = x == left ? part_z : z;", "z_here = part_z;"),
+];
 
 #[test]
 fn a_composite_gives_the_records_of_the_machine() {
@@ -345,6 +369,51 @@ fn a_composite_gives_the_records_of_the_machine() {
     let [_, sheets] = OF_ELLIPSOIDS;
     for simulator in [Simulator::Verilator, Simulator::Icarus] {
         assert!(drive(simulator, &trace, sheets, 32, &STALLS) > 200);
+    }
+    let faults = [
+        (
+            "HELD_ROUND = machine_pkg::FRAGMENT_COMPOSITE_ROUND",
+            "HELD_ROUND = 1",
+        ),
+        (
+            "HELD_F = machine_pkg::FRAGMENT_COMPOSITE_F",
+            "HELD_F = machine_pkg::FRAGMENT_COMPOSITE_F - 1",
+        ),
+        ("HELD_S = machine_pkg::FRAGMENT_COMPOSITE_S", "HELD_S = 1"),
+        ("THICK_F = HELD_F", "THICK_F = HELD_F - 1"),
+        ("THICK_ROUND = HELD_ROUND", "THICK_ROUND = 1"),
+    ];
+    for (find, put) in faults {
+        is_found_out(&trace, sheets, ("sheets.sv", find, put));
+    }
+}
+
+/// Frames of a machine that passes over blocks of pixels have the records of all units but raster.
+#[test]
+fn records_of_kept_blocks_are_those_of_the_units() {
+    if !have(
+        &["iverilog"],
+        "the RTL implementations behind a test of blocks",
+    ) {
+        return;
+    }
+    let gaussian = machine("gaussian", &["timing.raster.lanes=[1,1]"]);
+    let testing = Machine {
+        contribution: Machine::named("flicker").unwrap().contribution,
+        ..gaussian.clone()
+    };
+    let text = bouquet(300, 32, &json!({}));
+    let traces = [&gaussian, &testing].map(|machine| traced(&text, machine, &Window::default()));
+    let pixels = |trace: &Traced| trace.lines("gauss.in").len();
+    assert!(
+        pixels(&traces[1]) < pixels(&traces[0]),
+        "blocks are left out"
+    );
+    let [_, without_raster] = &traces;
+    assert!(!without_raster.path("raster.out.hex").exists());
+    let [_, sheets] = OF_ELLIPSOIDS;
+    for unit in [unit("gauss"), sheets] {
+        assert!(drive(Simulator::Icarus, without_raster, unit, 32, &STALLS) > 200);
     }
 }
 

@@ -218,6 +218,41 @@ fn wrong_generated_rtl_is_found_out() {
     }
 }
 
+/// A wrong fit to a floating-point word is found in one of the units.
+#[test]
+fn a_wrong_fit_to_floating_point_is_found_out() {
+    if !runs(Tier::Ci) || !have(&["iverilog"], "mutants of a fit to floating point") {
+        return;
+    }
+    let units = [unit("gauss"), unit("project"), unit("ellipse")];
+    let trace = made_up(&cloud(60, 16), &floating(), &units.map(|unit| unit.name));
+    let folder = written(&trace);
+    let file = folder.path().join("fit_float.sv");
+    let text = std::fs::read_to_string(&file).unwrap();
+    for (find, put) in FAULTS_OF_FLOATS {
+        assert_eq!(text.matches(find).count(), 1, "{find}");
+        std::fs::write(&file, text.replace(find, put)).unwrap();
+        let is_found = units.into_iter().any(|unit| {
+            let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit, 16);
+            let given = device.drive(None, expected(&trace, unit), &[]);
+            fault(&trace, unit, &given).is_some()
+        });
+        assert!(is_found, "`{put}` for `{find}`");
+    }
+}
+
+/// Faults of a fit to a floating-point word: text, and what replaces it.
+const FAULTS_OF_FLOATS: [(&str, &str); 8] = [
+    ("negative ? -exact : exact", "exact"),
+    ("DROPPED_W'(place - P + 1)", "DROPPED_W'(place - P)"),
+    ("place = RIGHT + P; place", "place = RIGHT + P + 1; place"),
+    ("rest > half || ", "rest >= half || "),
+    ("(ROUND == 1 || kept[0])", "ROUND == 1"),
+    ("<< (dropped - DROPPED_W'(RIGHT))", "<< dropped"),
+    ("rounded > MAX ? W'(MAX) : W'(rounded)", "W'(rounded)"),
+    ("S != 0 ? -limited", "S != 0 ? limited"),
+];
+
 /// The wired pipeline, which was written for units by hand, draws a frame with generated ones.
 #[test]
 fn generated_units_draw_a_frame_in_the_wired_pipeline() {
