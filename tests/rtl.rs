@@ -402,7 +402,7 @@ fn records_of_kept_blocks_are_those_of_the_units() {
         contribution: Machine::named("flicker").unwrap().contribution,
         ..gaussian.clone()
     };
-    let text = bouquet(300, 32, &json!({}));
+    let text = bouquet(60, 24, &json!({}));
     let traces = [&gaussian, &testing].map(|machine| traced(&text, machine, &Window::default()));
     let pixels = |trace: &Traced| trace.lines("gauss.in").len();
     assert!(
@@ -413,7 +413,7 @@ fn records_of_kept_blocks_are_those_of_the_units() {
     assert!(!without_raster.path("raster.out.hex").exists());
     let [_, sheets] = OF_ELLIPSOIDS;
     for unit in [unit("gauss"), sheets] {
-        assert!(drive(Simulator::Icarus, without_raster, unit, 32, &STALLS) > 200);
+        assert!(drive(Simulator::Icarus, without_raster, unit, 24, &STALLS) > 200);
     }
 }
 
