@@ -427,12 +427,12 @@ fn wrong_harmonics_are_found_out() {
         return;
     }
     let machine = &coloured()[0];
-    let made_up = Window {
-        stimulus: Some(20),
+    // Stimuli have some thousand records, and each takes many cycles.
+    let window = Window {
         units: vec!["colour".into()],
         ..Window::default()
     };
-    let trace = traced(&harmonics(20, 32, 3), machine, &made_up);
+    let trace = traced(&harmonics(60, 32, 3), machine, &window);
     let mutants = [
         ("difference <<< lead", "difference <<< (lead - 8'sd1)"),
         (
