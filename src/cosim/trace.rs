@@ -136,14 +136,6 @@ pub fn trace(
     let elaborated = fixed::elaborate(machine)?;
     let mut frame = quantise(scene, machine)?.frame;
     let kind = Kind::of(&frame);
-    let mut notes = Vec::new();
-    let without_raster;
-    let window = if elaborated.tests_blocks(&frame).is_some() && window.stimulus.is_none() {
-        without_raster = window.without_raster(kind, &mut notes)?;
-        &without_raster
-    } else {
-        window
-    };
     let is_of_setup = |unit: &String| ["project", "ellipse"].contains(&unit.as_str());
     let is_only_setup =
         window.waves.is_none() && !window.units.is_empty() && window.units.iter().all(is_of_setup);
@@ -155,6 +147,14 @@ pub fn trace(
     }
     frame.lists = None;
     let rectangle = window.check(&frame)?;
+    let mut notes = Vec::new();
+    let without_raster;
+    let window = if elaborated.tests_blocks(&frame).is_some() && window.stimulus.is_none() {
+        without_raster = window.without_raster(kind, &mut notes)?;
+        &without_raster
+    } else {
+        window
+    };
     if window.waves.is_some()
         && frame.surroundings.is_some()
         && machine.timing.environment.is_some()

@@ -149,12 +149,11 @@ fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
         &machine("fp16", &[ONE_LANE, "sort.kind=none", weights]),
         ellipsoids(),
     ));
-    // The corners of all fields are some thousand records, each of which takes many cycles.
-    let has_corners = |degree: u8| degree == 1 || runs(Tier::Full);
     let harmonic = |machine: &Machine| {
         let degree = machine.colour.unwrap().degree as u8;
         let text = harmonics(60, 16, degree);
-        if has_corners(degree) {
+        // The corners of all fields are some thousand records, each of which takes many cycles.
+        if degree == 1 || runs(Tier::Full) {
             return made_up(&text, machine, &["colour"]);
         }
         let window = Window {

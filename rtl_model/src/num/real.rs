@@ -68,7 +68,7 @@ fn floor(x: f64) -> f64 {
 #[inline]
 pub fn power_of_two(exponent: i32) -> f64 {
     if (-1022..=1023).contains(&exponent) {
-        f64::from_bits(((exponent + 1023) as u64) << 52)
+        normal_power_of_two(exponent)
     } else {
         far_power_of_two(exponent)
     }

@@ -289,12 +289,28 @@ impl Near {
     #[inline(always)]
     fn in_word(self, word: Word, [fine, coarse]: [f64; 2], [down, up]: [f64; 2]) -> Near {
         let (low, high) = (self.low() - down * coarse, self.high() + up * coarse);
-        let (least, most) = (word.format.min() as f64, word.format.max() as f64);
-        // Common case: away from the limits, so that NaN cannot occur.
-        if least * fine <= low && high <= most * fine {
-            return Near::within(self.value, self.error + down.max(up) * coarse);
+        let ends = [word.format.min() as f64, word.format.max() as f64];
+        let (result, is_away) = self.away_from(ends, [fine, coarse], [down, up]);
+        if is_away {
+            return result;
         }
-        self.at_limits(word, [low, high], [least, most], [fine, coarse])
+        self.at_limits(word, [low, high], ends, [fine, coarse])
+    }
+
+    /// [`Near::in_word`] away from the limits of the word, and whether it is there: then NaN cannot
+    /// occur. Without a branch.
+    #[inline(always)]
+    fn away_from(
+        self,
+        [least, most]: [f64; 2],
+        [fine, coarse]: [f64; 2],
+        [down, up]: [f64; 2],
+    ) -> (Near, bool) {
+        let (low, high) = (self.low() - down * coarse, self.high() + up * coarse);
+        (
+            Near::within(self.value, self.error + down.max(up) * coarse),
+            (least * fine <= low) & (high <= most * fine),
+        )
     }
 
     /// [`Near::in_word`] for floating point, whose ulp is that of the greatest magnitude, but at
@@ -452,17 +468,14 @@ impl Real for Near {
     #[inline(always)]
     fn fit_each<const N: usize>(items: &[Near; N], fit: &Fit, scales: &[Scale; N]) -> [Near; N] {
         let Word { format, .. } = fit.word;
-        let [down, up] = fit.word.loss();
-        let (least, most) = (format.min() as f64, format.max() as f64);
-        let mut results = *items;
-        let mut is_common = !format.is_float();
+        let ends = [format.min() as f64, format.max() as f64];
+        let (mut results, mut is_common) = (*items, !format.is_float());
         for (result, scale) in results.iter_mut().zip(scales) {
             let [low, high] = [scale.low, scale.high].map(|exponent| exponent - format.frac_bits);
-            let [fine, coarse] = [low, high].map(normal_power_of_two);
-            is_common &= (low >= -1022) & (high <= 1023);
-            is_common &= least * fine <= result.low() - down * coarse;
-            is_common &= result.high() + up * coarse <= most * fine;
-            *result = Near::within(result.value, result.error + down.max(up) * coarse);
+            let places = [low, high].map(normal_power_of_two);
+            let (fitted, is_away) = result.away_from(ends, places, fit.word.loss());
+            is_common &= is_away & (low >= -1022) & (high <= 1023);
+            *result = fitted;
         }
         if is_common {
             return results;
