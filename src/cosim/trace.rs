@@ -384,7 +384,7 @@ fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
 /// Text of a chapter of the book.
 macro_rules! chapter {
     ($name:literal) => {
-        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/", $name))
+        include_str!(concat!("../../docs/book/", $name))
     };
 }
 

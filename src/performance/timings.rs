@@ -264,7 +264,7 @@ fn flag(paths: &[String], values: &[String]) -> String {
 /// stack that is needed. A machine without a walker has the default one.
 pub(super) fn holds_stack(walk: Option<Walk>, deepest: u64) -> std::result::Result<(), String> {
     let stack = walk.unwrap_or_default().stack;
-    if deepest > stack.into() {
+    if deepest > u64::from(stack) {
         return Err(format!(
             "timing.walk.stack is {stack}, but the frame's walk stores up to {deepest} nodes on it: {deepest} would do"
         ));

@@ -316,7 +316,7 @@ mod tests {
             let whole = Scene::load(
                 name,
                 &Overrides {
-                    size: Some((256, 256)),
+                    size: Some((160, 128)),
                 },
             )
             .unwrap();
@@ -357,7 +357,7 @@ mod tests {
     fn a_small_picture_has_no_preview_and_a_small_job_no_announcement() {
         let scene = |side| {
             Scene::load(
-                "terrain",
+                "torus-knot",
                 &Overrides {
                     size: Some((side, 512)),
                 },

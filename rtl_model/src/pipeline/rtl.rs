@@ -448,7 +448,7 @@ pub fn words(elaborated: &Elaborated) -> Vec<Words> {
 pub fn library() -> Vec<Listing> {
     macro_rules! files {
         ($($name:literal),*) => {
-            [$(($name, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/rtl/", $name)))),*]
+            [$(($name, include_str!(concat!("../../rtl/", $name)))),*]
         };
     }
     files![

@@ -288,7 +288,7 @@ impl Observations {
         for arrival in &self.arrivals {
             coverage.count_if(arrival.weight == 0, "gauss", "weight 0");
             if self.least_weight > 1 {
-                let below = (1..self.least_weight).contains(&arrival.weight.into());
+                let below = (1..self.least_weight).contains(&i64::from(arrival.weight));
                 coverage.count_if(below, "gauss", "weight below the least");
             }
             for (number, outcome) in self.outcomes.iter().enumerate() {
