@@ -640,7 +640,11 @@ impl<'a> Fill<'a> {
                 .next_if(|stamp| stamp[0].stamp == nth)
                 .unwrap_or_default();
             let now = self.raster.free().max(here).max(memory);
-            let stopped = stops.area(walk.area(nth));
+            let stopped = if stops.has_any() {
+                stops.area(walk.area(nth))
+            } else {
+                u64::MAX
+            };
             let has_weight = stamp.iter().any(|piece| piece.pixels != 0);
             let whole = stops.whole(stamp);
             let room = if self.raster.is_lifted() && stamp.is_empty() {

@@ -50,7 +50,8 @@ pub struct EarlyTermination {
 /// State of the pixels of a tile.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TileStops {
-    /// Number of pixels that have not stopped, and the cycle in which the others had.
+    /// Number of pixels, and of those that have not stopped; the cycle in which the others had.
+    pixels: usize,
     left: usize,
     last: u64,
     /// The last cycle in which raster left a stamp out.
@@ -126,10 +127,18 @@ impl StopMap {
     pub fn begin(&mut self, corner: [u32; 2], side_px: u32) {
         let [columns, rows] = [(corner[0], self.width), (corner[1], self.height)]
             .map(|(at, size)| (size - at as usize).min(side_px as usize));
+        let pixels = columns * rows;
         self.tile = TileStops {
-            left: columns * rows,
+            pixels,
+            left: pixels,
             ..TileStops::default()
         };
+    }
+
+    /// Whether a pixel of the tile has stopped, or will have, by the stamps taken so far.
+    #[inline(always)]
+    pub fn has_any(&self) -> bool {
+        self.tile.left < self.tile.pixels
     }
 
     /// The cycle from which the whole tile has stopped, by the stamps taken so far.
@@ -149,15 +158,22 @@ impl StopMap {
     }
 
     /// Indices of a piece's pixels in the picture, with the bit of each.
-    fn pixels(&self, piece: &Piece, bits: u16) -> impl Iterator<Item = (usize, u16)> + use<> {
+    #[inline(always)]
+    fn pixels(&self, piece: &Piece, mut bits: u16) -> impl Iterator<Item = (usize, u16)> + use<> {
         let first = usize::from(piece.corner[1]) * self.width + usize::from(piece.corner[0]);
-        (0..TILE_PX)
-            .map(move |column| (first + column, 1 << column))
-            .filter(move |(_, bit)| bits & bit != 0)
+        std::iter::from_fn(move || {
+            let rest = bits & bits.checked_sub(1)?;
+            let bit = bits - rest;
+            bits = rest;
+            Some((first + bit.trailing_zeros() as usize, bit))
+        })
     }
 
     /// The cycle from which every kept pixel of a stamp has stopped: 0 if it has no kept pixel.
     pub fn whole(&self, stamp: &[Piece]) -> u64 {
+        if !self.has_any() && !stamp.is_empty() {
+            return u64::MAX;
+        }
         let of = |piece: &Piece| {
             self.pixels(piece, piece.pixels | piece.faint)
                 .map(|(at, _)| self.from[at])
@@ -175,6 +191,10 @@ impl StopMap {
     /// The pixels of a stamp that raster keeps in this cycle.
     pub fn kept(&self, stamp: &[Piece], now: u64, kept: &mut Vec<Piece>) {
         kept.clear();
+        if !self.has_any() {
+            kept.extend_from_slice(stamp);
+            return;
+        }
         kept.extend(stamp.iter().map(|piece| {
             let stopped = self
                 .pixels(piece, piece.pixels | piece.faint)
