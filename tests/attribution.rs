@@ -349,7 +349,7 @@ fn culled_splats_have_no_share_of_the_error() {
     scene.splats[0].normal = (edge_on - scene.camera.eye)
         .any_orthonormal_vector()
         .normalize();
-    for name in Machine::NAMES {
+    for name in tier::some([3, 3], Machine::NAMES) {
         let machine = Machine::named(name).unwrap();
         let elaborated = fixed::elaborate(&machine).unwrap();
         let (quantised, picture) = drawn(&scene, &machine).unwrap();

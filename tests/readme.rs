@@ -81,8 +81,9 @@ fn is_run(arguments: &str) -> bool {
 }
 
 /// Commands of other programs, which CI runs, or which prepare what CI runs.
-const OTHERS: [&str; 8] = [
+const OTHERS: [&str; 9] = [
     "cargo test --workspace",
+    "cargo test -p unit_rtl_model units::gauss",
     "cargo fmt --all --check",
     "cargo clippy --workspace --all-targets -- -D warnings",
     ".ci/run",
@@ -108,11 +109,34 @@ fn commands() -> Vec<String> {
         .collect()
 }
 
+/// A command as it is run: without a sample of its output, it draws at most 64×64 pixels, except in
+/// the tier `full`.
+fn as_run(arguments: &str, has_sample: bool) -> String {
+    const LARGE_PX: u32 = 128;
+    if has_sample || tier::tier() == Tier::Full || !arguments.starts_with("run ") {
+        return arguments.to_owned();
+    }
+    let words: Vec<&str> = arguments.split(' ').collect();
+    let size = words.iter().position(|word| *word == "--size");
+    let Some(size) = size.and_then(|at| words.get(at + 1)) else {
+        return format!("{arguments} --size 64x64");
+    };
+    let is_large = |side: &str| side.parse().is_ok_and(|side: u32| side > LARGE_PX);
+    if size.split('x').any(is_large) {
+        arguments.replace(&format!("--size {size}"), "--size 64x64")
+    } else {
+        arguments.to_owned()
+    }
+}
+
 /// Output of all commands of this tier, each run once. Some read files that others wrote: these run
 /// one after the other, beside the others.
 static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let mine = commands().into_iter().filter(|arguments| is_run(arguments));
+    let samples: BTreeSet<String> = (all_samples().into_iter())
+        .map(|sample| sample.arguments)
+        .collect();
     let all: Vec<String> = mine.collect();
     let shared = written(&all);
     let (chain, free): (Vec<String>, Vec<String>) = all
@@ -120,7 +144,8 @@ static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
         .partition(|arguments| names(arguments).any(|name| shared.contains(name)));
     let run = |commands: Vec<String>| -> Vec<(String, Printed)> {
         let of = |arguments: String| {
-            let printed = splatsim(folder.path(), &arguments);
+            let as_run = as_run(&arguments, samples.contains(&arguments));
+            let printed = splatsim(folder.path(), &as_run);
             (arguments, printed)
         };
         commands.into_iter().map(of).collect()
@@ -149,6 +174,22 @@ fn written(commands: &[String]) -> BTreeSet<String> {
         all.extend(paths.filter_map(|pair| names(pair[1]).next().map(str::to_owned)));
     }
     all
+}
+
+#[test]
+fn only_large_pictures_without_a_sample_are_reduced() {
+    let reduced = |arguments: &str| as_run(arguments, false);
+    if tier::tier() == Tier::Full {
+        return;
+    }
+    assert_eq!(
+        reduced("run city --size 256x96 --quiet"),
+        "run city --size 64x64 --quiet"
+    );
+    assert_eq!(reduced("run --ranges"), "run --ranges --size 64x64");
+    assert_eq!(reduced("run knot --size 96x96"), "run knot --size 96x96");
+    assert_eq!(reduced("sweep rows"), "sweep rows");
+    assert_eq!(as_run("run --ranges", true), "run --ranges");
 }
 
 #[test]
@@ -471,6 +512,25 @@ fn every_file_that_is_named_exists() {
         plain.partition(|name| root().join(name).exists());
     assert!(absent.is_empty(), "{absent:?}");
     assert!(there.len() >= 30, "{there:?}");
+}
+
+/// Pages that the program contains are in the published crate, which does not build without them.
+#[test]
+fn every_page_in_the_program_is_published() {
+    let read = |path: &str| std::fs::read_to_string(root().join(path)).unwrap();
+    let (source, manifest) = (read("src/cosim/trace.rs"), read("Cargo.toml"));
+    let pages: Vec<&str> = source
+        .split("chapter!(\"")
+        .skip(1)
+        .filter_map(|rest| rest.split('"').next())
+        .collect();
+    assert!(pages.len() >= 6, "{pages:?}");
+    for page in pages {
+        assert!(
+            manifest.contains(&format!("\"/docs/book/{page}\"")),
+            "`include` in Cargo.toml lacks {page}"
+        );
+    }
 }
 
 #[test]

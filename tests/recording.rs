@@ -281,7 +281,9 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let json =
         |path: String| -> Value { serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap() };
-    let scene = ["run", "bouquet", "--size", "32x24", "--quiet"];
+    let scene = [
+        "run", "bouquet", "--size", "32x24", "--check", "none", "--quiet",
+    ];
     let sizes = [
         "--set",
         "timing.sort={\"units\": 2, \"buffer_entries\": 8, \"network\": 4}",
