@@ -109,11 +109,10 @@ fn commands() -> Vec<String> {
         .collect()
 }
 
-/// A command as it is run: without a sample of its output, it draws at most 64×64 pixels, except in
-/// the tier `full`.
-fn as_run(arguments: &str, has_sample: bool) -> String {
+/// A `run` that draws 64×64 pixels instead of a large picture.
+fn reduced(arguments: &str) -> String {
     const LARGE_PX: u32 = 128;
-    if has_sample || tier::tier() == Tier::Full || !arguments.starts_with("run ") {
+    if !arguments.starts_with("run ") {
         return arguments.to_owned();
     }
     let words: Vec<&str> = arguments.split(' ').collect();
@@ -129,7 +128,8 @@ fn as_run(arguments: &str, has_sample: bool) -> String {
     }
 }
 
-/// Output of all commands of this tier, each run once. Some read files that others wrote: these run
+/// Output of all commands of this tier, each run once. Except in the tier `full`, commands without a
+/// sample of their output draw small pictures. Some read files that others wrote: these run
 /// one after the other, beside the others.
 static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
@@ -144,8 +144,12 @@ static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
         .partition(|arguments| names(arguments).any(|name| shared.contains(name)));
     let run = |commands: Vec<String>| -> Vec<(String, Printed)> {
         let of = |arguments: String| {
-            let as_run = as_run(&arguments, samples.contains(&arguments));
-            let printed = splatsim(folder.path(), &as_run);
+            let is_whole = tier::tier() == Tier::Full || samples.contains(&arguments);
+            let printed = if is_whole {
+                splatsim(folder.path(), &arguments)
+            } else {
+                splatsim(folder.path(), &reduced(&arguments))
+            };
             (arguments, printed)
         };
         commands.into_iter().map(of).collect()
@@ -177,11 +181,7 @@ fn written(commands: &[String]) -> BTreeSet<String> {
 }
 
 #[test]
-fn only_large_pictures_without_a_sample_are_reduced() {
-    let reduced = |arguments: &str| as_run(arguments, false);
-    if tier::tier() == Tier::Full {
-        return;
-    }
+fn only_large_pictures_are_reduced() {
     assert_eq!(
         reduced("run city --size 256x96 --quiet"),
         "run city --size 64x64 --quiet"
@@ -189,7 +189,6 @@ fn only_large_pictures_without_a_sample_are_reduced() {
     assert_eq!(reduced("run --ranges"), "run --ranges --size 64x64");
     assert_eq!(reduced("run knot --size 96x96"), "run knot --size 96x96");
     assert_eq!(reduced("sweep rows"), "sweep rows");
-    assert_eq!(as_run("run --ranges", true), "run --ranges");
 }
 
 #[test]
