@@ -619,8 +619,10 @@ impl<'a> Fill<'a> {
             // The seed of a run, unless all of its pixels have stopped.
             if let Some(run) = runs.next_if(|run| run.stamps[0] == nth) {
                 let now = self.raster.free().max(here).max(memory);
-                let sides = run.sides.map(|side| side.map(usize::from));
-                let stopped = stops.area(sides.map(|[first, last]| first..last + 1));
+                let stopped = stops.area(|| {
+                    let sides = run.sides.map(|side| side.map(usize::from));
+                    sides.map(|[first, last]| first..last + 1)
+                });
                 if stopped > now {
                     self.seeds += 1;
                     first_taken = first_taken.min(self.raster.take_run(ready, 1));
@@ -628,7 +630,7 @@ impl<'a> Fill<'a> {
             }
             // A row is set up, as long as some of its pixels have not stopped.
             if self.row_cycles() > 0 && nth % walk.across() == 0 {
-                let stopped = stops.area(walk.row(nth));
+                let stopped = stops.area(|| walk.row(nth));
                 for _ in 0..self.row_cycles() {
                     let now = self.raster.free().max(here).max(memory);
                     if stopped > now {
@@ -640,11 +642,7 @@ impl<'a> Fill<'a> {
                 .next_if(|stamp| stamp[0].stamp == nth)
                 .unwrap_or_default();
             let now = self.raster.free().max(here).max(memory);
-            let stopped = if stops.has_any() {
-                stops.area(walk.area(nth))
-            } else {
-                u64::MAX
-            };
+            let stopped = stops.area(|| walk.area(nth));
             let has_weight = stamp.iter().any(|piece| piece.pixels != 0);
             let whole = stops.whole(stamp);
             let room = if self.raster.is_lifted() && stamp.is_empty() {

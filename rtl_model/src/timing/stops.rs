@@ -137,7 +137,7 @@ impl StopMap {
 
     /// Whether a pixel of the tile has stopped, or will have, by the stamps taken so far.
     #[inline(always)]
-    pub fn has_any(&self) -> bool {
+    fn has_any(&self) -> bool {
         self.tile.left < self.tile.pixels
     }
 
@@ -182,8 +182,14 @@ impl StopMap {
         stamp.iter().filter_map(of).max().unwrap_or(0)
     }
 
-    /// The cycle from which every pixel of these columns and rows has stopped.
-    pub fn area(&self, [columns, rows]: [Range<usize>; 2]) -> u64 {
+    /// The cycle from which every pixel of these columns and rows has stopped; they are computed
+    /// only if a pixel of the tile has.
+    #[inline(always)]
+    pub fn area(&self, sides: impl FnOnce() -> [Range<usize>; 2]) -> u64 {
+        if !self.has_any() {
+            return u64::MAX;
+        }
+        let [columns, rows] = sides();
         let row = |y: usize| &self.from[y * self.width..][columns.clone()];
         rows.flat_map(row).copied().max().unwrap_or(0)
     }
