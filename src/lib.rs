@@ -44,3 +44,7 @@ pub mod input;
 pub mod output;
 
 pub mod error;
+
+#[cfg(test)]
+#[path = "../tests/shared_input/mod.rs"]
+mod shared_input;

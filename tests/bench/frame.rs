@@ -1,8 +1,7 @@
 //! Time of a frame on one thread: setup and fill of the machine, both together, and the f64
 //! renderer `golden` for comparison.
 //!
-//! `cargo bench`. The dragon scan is included if the shared data exists (`SPLATSIM_DATA`, else
-//! `../shared/data`).
+//! `cargo bench`. The dragon scan is included if the input data of the tests exists.
 
 use std::sync::LazyLock;
 
@@ -15,6 +14,9 @@ use splatsim::golden;
 use splatsim::hardware::fixed;
 use splatsim::hardware::quantise::{Quantised, quantise};
 use splatsim::scene::{Overrides, Scene};
+
+#[path = "../shared_input/mod.rs"]
+mod shared_input;
 
 /// A scene, ready to be drawn by one machine.
 struct Case {
@@ -34,15 +36,14 @@ impl std::fmt::Display for Case {
 }
 
 static CASES: LazyLock<Vec<Case>> = LazyLock::new(|| {
-    let root = std::env::var("SPLATSIM_DATA").unwrap_or_else(|_| "../shared/data".into());
-    let dragon = format!("{root}/scenes/dragon.json");
     let scenes = [
-        ("glass-spheres", "glass-spheres"),
-        ("dragon", dragon.as_str()),
+        ("glass-spheres", Some("glass-spheres".into())),
+        ("dragon", shared_input::find("scenes/dragon.json")),
     ];
-    let there = scenes
-        .into_iter()
-        .filter_map(|(name, path)| Some((name, Scene::load(path, &Overrides::default()).ok()?)));
+    let there = scenes.into_iter().filter_map(|(name, path)| {
+        let scene = Scene::load(path?, &Overrides::default()).expect("the scene is read");
+        Some((name, scene))
+    });
     there
         .flat_map(|(name, scene)| {
             ["reference", "lean"].map(|machine| case(name, scene.clone(), machine))

@@ -2,11 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-/// A file or folder of the input data (`SPLATSIM_DATA`, else `../shared/data`); none if it is
-/// absent, which is a failure in CI.
+/// A file or folder of the input data; none if it is absent, which is a failure in CI. The data is
+/// in `SPLATSIM_DATA`, else in `../shared/data`, relative to the root of the repository, whichever
+/// package the test belongs to.
 pub fn find(name: &str) -> Option<PathBuf> {
-    let root = std::env::var("SPLATSIM_DATA").unwrap_or_else(|_| "../shared/data".into());
-    let path = Path::new(&root).join(name);
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .ancestors()
+        .find(|folder| folder.join("Cargo.lock").is_file())
+        .expect("the manifest is in a repository with a Cargo.lock");
+    let data = std::env::var_os("SPLATSIM_DATA").unwrap_or("../shared/data".into());
+    let path = repository.join(data).join(name);
     if path.exists() {
         return Some(path);
     }

@@ -1,13 +1,13 @@
 //! Tests: volumes of every format, written into small files and read back.
 
 use super::*;
+use crate::shared_input;
 use base64::Engine;
 use flate2::Compression;
 use flate2::write::{GzEncoder, ZlibEncoder};
 use proptest::prelude::*;
 use std::fs;
 use std::io::Write;
-use std::path::PathBuf;
 use tempfile::TempDir;
 
 const SIZE: [usize; 3] = [3, 2, 2];
@@ -1826,12 +1826,6 @@ fn every_sound_file_is_read_and_none_of_its_truncations_panics() {
 
 // ---- real data ----
 
-fn real_data() -> PathBuf {
-    std::env::var_os("SPLATSIM_DATA")
-        .unwrap_or("../shared/data".into())
-        .into()
-}
-
 fn range(volume: &Volume) -> (f32, f32) {
     volume
         .values
@@ -1843,11 +1837,9 @@ fn range(volume: &Volume) -> (f32, f32) {
 
 #[test]
 fn real_volumes_have_the_range_that_their_source_states() {
-    let folder = real_data().join("volumes");
-    if !folder.is_dir() {
-        eprintln!("no real data in {}", folder.display());
+    let Some(folder) = shared_input::find("volumes") else {
         return;
-    }
+    };
     let head = r#"{"file":"CThead_256x256x113_u16be.raw","size":[256,256,113],"type":"u16","endian":"big","spacing":[1,1,2]}"#;
     let head = read_raw(&raw_description(head), &folder).unwrap();
     assert_eq!(
@@ -1872,11 +1864,9 @@ fn real_volumes_have_the_range_that_their_source_states() {
 
 #[test]
 fn every_real_nrrd_ends_in_a_volume_or_a_sentence() {
-    let folder = real_data().join("malformed/nrrd");
-    if !folder.is_dir() {
-        eprintln!("no real data in {}", folder.display());
+    let Some(folder) = shared_input::find("malformed/nrrd") else {
         return;
-    }
+    };
     let with = |name: &str| read(&folder.join(name));
     let ball = with("BallBinary30x30x30.nrrd").unwrap();
     assert_eq!(
