@@ -2897,11 +2897,12 @@ fn blend(trace: &Traced, mut recurrence: Recurrence, behind: &[u64]) -> Modelled
 }
 
 /// Tolerance of accept times against the timing model, as a share of them: the table is in the
-/// book, Traces and RTL.
+/// book, Accept times.
 fn tolerance(unit: &str) -> f64 {
-    let page =
-        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/traces.md"))
-            .unwrap();
+    let page = std::fs::read_to_string(
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/accept-times.md"),
+    )
+    .unwrap();
     let row = page
         .split("<!-- accept times -->")
         .nth(1)

@@ -11,7 +11,7 @@ use std::borrow::Cow;
 /// Bounds below this are informative: a few steps of an 8-bit display.
 const TELLING: f64 = 4.0 / 255.0;
 
-/// The machine against `golden` led by its own decisions (docs/book/accuracy.md).
+/// The machine against `golden` led by its own decisions (docs/book/bounds.md).
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Summary {
     /// Peak 1, all pixels and channels; none for equal pictures.
