@@ -11,8 +11,9 @@
 //!
 //! A frame takes the longest path through all dependencies, and a path contains each cycle of a
 //! unit at most once. So a lifted unit saves at most the cycles in which it is busy or blocked by
-//! itself; lifted shade saves at most the cycles for which others stall for it. With ideal memory,
-//! the frame still takes the cycles of the busiest unit of each pass. So candidates are tried in
+//! itself; lifted shade saves at most the cycles for which others stall for it. The frame still
+//! takes the busy cycles of every other unit of the pass, and those in which memory moves bytes.
+//! With ideal memory, it takes the cycles of the busiest unit of each pass. So candidates are tried in
 //! the order of these bounds, and those that cannot save more than the best one so far are not
 //! tried. If units share memory, a replay can save a little more because requests change their
 //! order. This is not due to the unit, and is not counted.
@@ -262,6 +263,7 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
     }
     // Reflections stall for texels, possibly from memory.
     if !work.mirrors {
+        save_at_most_the_rest(cycles, &mut all);
         for (at_most, _, name, by) in &mut all {
             match (*name, *by) {
                 (unit::SHADE, Limited::Work) if !work.preshaded => *at_most = cycles.light,
@@ -273,6 +275,35 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
         }
     }
     all
+}
+
+/// Limits what units of the second pass save: without one of them, the pass still takes the busy
+/// cycles of any other one, and all bytes of the frame still pass through memory.
+fn save_at_most_the_rest(cycles: &Cycles, all: &mut [Candidate]) {
+    let Some([_, from]) = cycles.passes else {
+        return;
+    };
+    const SECOND: [&str; 5] = [
+        unit::LIST,
+        unit::RASTER,
+        unit::GAUSS,
+        unit::FRAGMENT,
+        unit::RESOLVE,
+    ];
+    for (at_most, _, name, by) in all {
+        if *by == Limited::Memory || !SECOND.contains(name) {
+            continue;
+        }
+        let others = [unit::RASTER, unit::GAUSS, unit::FRAGMENT]
+            .into_iter()
+            .filter(|other| other != name || *by == Limited::Hazard);
+        let least = others
+            .map(|other| from + busy(cycles, other))
+            .chain([cycles.memory.busy])
+            .max()
+            .unwrap_or(0);
+        *at_most = (*at_most).min(cycles.total.saturating_sub(least));
+    }
 }
 
 /// Cycles of the pass that a unit belongs to, or of the sort. They are consecutive, so a unit of
@@ -298,15 +329,17 @@ fn of_pass(timing: &Microarchitecture, cycles: &Cycles, name: &str, by: Limited)
     }
 }
 
-fn of<'a>(cycles: &'a Cycles, name: &'a str) -> impl Iterator<Item = &'a UnitCycles> {
-    cycles.units.iter().filter(move |unit| unit.name == name)
+/// Busy cycles of the units with a name.
+fn busy(cycles: &Cycles, name: &str) -> u64 {
+    let units = cycles.units.iter().filter(|unit| unit.name == name);
+    units.map(|unit| unit.account.busy).sum()
 }
 
 /// Least cycles of a frame with ideal memory. Its second pass begins when every entry is written
 /// and sorted. Shade is free whenever the only fragment unit requests it, so merges take the same
 /// time.
 fn without_memory(cycles: &Cycles) -> u64 {
-    let busy = |name: &str| of(cycles, name).map(|unit| unit.account.busy).sum::<u64>();
+    let busy = |name| busy(cycles, name);
     let units = [
         unit::RASTER,
         unit::GAUSS,
