@@ -912,3 +912,105 @@ fn a_sweep_that_draws_no_point_fails_with_the_first_reason_and_has_no_charts() {
     assert!(refused(&output).contains(&expected), "{output:?}");
     assert!(!out.join("charts.html").exists());
 }
+
+/// What is screened out misses the PSNR when it is drawn in full, and all other rows are the same.
+#[test]
+fn only_machines_that_miss_the_psnr_are_screened_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = written(
+        folder.path(),
+        &json!({"scenes": ["terrain.json", "torus-knot.json"], "size": [160, 128], "machine": "lean", "lockstep": false, "axes": [
+            {"field": "gauss.weight", "add_frac_bits": [-6, -4, 0]},
+            {"field": "splat.rgb", "add_frac_bits": [-7, -5, -3, 0]},
+            {"field": "timing.raster.lanes", "values": [[2, 2], [4, 1]]}]}),
+    );
+    let [whole, screened, other] =
+        ["whole", "screened", "other"].map(|name| folder.path().join(name));
+    ok(&sweep(&plan, &whole, &[]));
+    let all = rows(&whole);
+    let psnr =
+        |row: &BTreeMap<String, String>| row["fixed_vs_ideal_psnr_db"].parse::<f64>().unwrap();
+    let mut ranked: Vec<f64> = all.iter().map(psnr).collect();
+    ranked.sort_by(f64::total_cmp);
+    let least_db = ranked[ranked.len() * 2 / 3];
+    let limit = least_db.to_string();
+
+    let told = ok(&sweep(
+        &plan,
+        &screened,
+        &["--screen", &limit, "--against", "ideal", "--threads", "1"],
+    ));
+    let kept = rows(&screened);
+    let is_screened = |row: &&BTreeMap<String, String>| !row["tiles"].is_empty();
+    let dropped = kept.iter().filter(is_screened).count();
+    let below = ranked.iter().filter(|db| **db < least_db).count();
+    assert!(
+        2 * dropped > below,
+        "{dropped} of {below} were screened out"
+    );
+    assert!(
+        told.replace("\n    ", " ")
+            .contains(&format!("only a sample of tiles was drawn: {dropped}\n")),
+        "{told}"
+    );
+    assert_eq!(kept.len(), all.len());
+    for (row, full) in kept.iter().zip(&all) {
+        if is_screened(&row) {
+            assert!(psnr(full) < least_db, "{full:?}");
+            let high: f64 = row["sampled_psnr_high_db"].parse().unwrap();
+            let estimate: f64 = row["sampled_psnr_db"].parse().unwrap();
+            assert!(estimate <= high && high < least_db, "{row:?}");
+            for empty in [
+                "misfit",
+                "psnr_db",
+                "fixed_vs_ideal_psnr_db",
+                "cycles",
+                "area",
+            ] {
+                assert_eq!(row[empty], "", "{empty}");
+            }
+            continue;
+        }
+        for (name, cell) in full.iter().filter(|(name, _)| *name != "key") {
+            assert_eq!(&row[name], cell, "{name}");
+        }
+    }
+
+    // In parts, on several threads; the plan states the PSNR.
+    let mut stated: Value = serde_json::from_str(&fs::read_to_string(&plan).unwrap()).unwrap();
+    stated["screen"] = json!({"psnr_db": least_db, "against": "ideal"});
+    let plan = written(folder.path(), &stated);
+    for part in ["1/2", "2/2"] {
+        ok(&sweep(&plan, &other, &["--shard", part, "--threads", "3"]));
+    }
+    assert_eq!(rows(&other), kept);
+}
+
+#[test]
+fn a_sweep_whose_machines_are_all_screened_out_has_no_charts() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = written(
+        folder.path(),
+        &json!({"scenes": ["terrain.json"], "size": [128, 128], "machine": "tiny", "axes": []}),
+    );
+    let out = folder.path().join("out");
+    for limit in ["0", "-3", "nan", "inf"] {
+        let told = refused(&sweep(&plan, &out, &[&format!("--screen={limit}")]));
+        assert!(told.contains("a number above 0 is needed"), "{told}");
+    }
+    let told = ok(&sweep(&plan, &out, &["--screen", "90"]));
+    assert!(told.contains("surely below 90 dB (fixed −"), "{told}");
+    let told = refused(
+        &splatsim()
+            .args(["chart", out.to_str().unwrap()])
+            .output()
+            .unwrap(),
+    );
+    assert!(
+        told.contains("of every machine only a sample of the tiles was drawn"),
+        "{told}"
+    );
+    // The rows do not belong to the sweep of all machines.
+    refused(&sweep(&plan, &out, &[]));
+    refused(&sweep(&plan, &out, &["--screen", "80"]));
+}

@@ -4,9 +4,10 @@ use super::help;
 use crate::error::{Error, Result};
 use crate::hardware::machines;
 use crate::hardware::machines::File;
+use crate::hardware::searched::Against;
 use crate::output::text::{listed, one_line, wrapped};
 use crate::scene::{Overrides, Scene};
-use clap::{ArgAction, Args};
+use clap::{ArgAction, Args, ValueEnum};
 use rtl_model::Machine;
 use serde_json::Value;
 use std::ffi::{OsStr, OsString};
@@ -217,6 +218,22 @@ impl FromStr for Corners {
             .and_then(|numbers| numbers.try_into().ok())
             .map(Corners);
         corners.ok_or_else(|| "four whole numbers with commas between them are needed".into())
+    }
+}
+
+/// `--against`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum AgainstFlag {
+    Golden,
+    Ideal,
+}
+
+impl From<AgainstFlag> for Against {
+    fn from(flag: AgainstFlag) -> Self {
+        match flag {
+            AgainstFlag::Golden => Against::Golden,
+            AgainstFlag::Ideal => Against::Ideal,
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Search: finds the cheapest machine that meets a target on a scene.
 
-use super::arguments::{CommonArgs, FactorRange, folder_for, positive, written};
+use super::arguments::{AgainstFlag, CommonArgs, FactorRange, folder_for, positive, written};
 use super::help;
 use crate::error::{Error, Result};
 use crate::explore::search;
@@ -134,13 +134,6 @@ fn run_arguments(scenes: &[OsString], common: &CommonArgs) -> Vec<String> {
             .collect::<Vec<_>>()
     };
     scenes.iter().flat_map(of).collect()
-}
-
-/// `--against`.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum AgainstFlag {
-    Golden,
-    Ideal,
 }
 
 /// `--screen`.
@@ -317,10 +310,7 @@ impl SearchArgs {
     }
 
     fn target(&self) -> Result<Target> {
-        let against = match self.against {
-            AgainstFlag::Golden => searched::Against::Golden,
-            AgainstFlag::Ideal => searched::Against::Ideal,
-        };
+        let against = self.against.into();
         let metric = match self.metric {
             MetricFlag::Psnr => searched::Metric::Psnr,
             MetricFlag::Lockstep if against == searched::Against::Ideal => {

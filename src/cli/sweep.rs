@@ -1,10 +1,11 @@
 //! Sweep: draws scenes on many machines and writes one row per point.
 
-use super::arguments::{Threads, folder_for, written};
+use super::arguments::{AgainstFlag, Threads, folder_for, positive, written};
 use crate::error::Result;
 use crate::explore::sweep;
-use crate::explore::sweep::plan::Points;
+use crate::explore::sweep::plan::{PlanScreen, Points};
 use crate::explore::sweep::{Shard, SweepOptions};
+use crate::hardware::searched::Against;
 use crate::output::text::{one_line, wrapped};
 use crate::performance::cost::Prices;
 use clap::Args;
@@ -24,6 +25,18 @@ pub(super) struct SweepArgs {
     /// Refuse plans of more points
     #[arg(long, value_name = "POINTS", default_value_t = sweep::MOST_POINTS)]
     most: u64,
+    /// Do not draw machines that surely have a lower PSNR
+    #[arg(long, value_name = "DB", value_parser = positive)]
+    screen: Option<f64>,
+    /// Screen by the PSNR of fixed − `golden` (default) or fixed − `ideal`
+    #[arg(
+        long,
+        value_name = "WHAT",
+        value_enum,
+        hide_possible_values = true,
+        requires = "screen"
+    )]
+    against: Option<AgainstFlag>,
     /// Read unit costs [default: `machine unit-costs`]
     #[arg(long = "unit-costs", alias = "prices", value_name = "FILE")]
     prices: Option<PathBuf>,
@@ -44,7 +57,12 @@ pub(super) struct SweepJob {
 
 impl SweepArgs {
     pub fn check(self) -> Result<SweepJob> {
-        let points = Points::load(&self.plan)?;
+        let mut points = Points::load(&self.plan)?;
+        let screen = self.screen.map(|psnr_db| PlanScreen {
+            psnr_db,
+            against: self.against.map_or(Against::default(), AgainstFlag::into),
+        });
+        points.plan.screen = screen.or(points.plan.screen);
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let folder = self.out.unwrap_or_else(|| folder_for(&self.plan, "-sweep"));
         let options = SweepOptions {

@@ -19,10 +19,10 @@ mod domain;
 mod knobs;
 pub mod over_fragment;
 pub mod over_timing;
-mod screen;
 
 use crate::accuracy::distance;
 use crate::error::{Error, Result};
+use crate::explore::screen::{self, Screening, TileSplats, Until};
 use crate::explore::sweep::columns;
 use crate::explore::sweep::table::{CellKind, Column, Journal, Row, named};
 use crate::explore::sweep::write_plan;
@@ -49,9 +49,7 @@ use knobs::{Knob, KnobPart, Selection};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
-use rtl_model::work::TILE_PX;
 use schemars::JsonSchema;
-use screen::{Screening, TileSplats, Until};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::borrow::Cow;
@@ -234,30 +232,15 @@ impl View {
         }
     }
 
-    /// Squared error of the picture, summed over pixels and channels, at which the load is 1.
-    fn allowed(&self, target: &Target, stricter: f64) -> f64 {
-        let values = 3.0 * (self.golden.width * self.golden.height) as f64;
-        let decibels = target.psnr_db.unwrap_or(0.0);
-        values * libm::pow(10.0, -decibels / 10.0) / stricter
-    }
-
-    fn tile_columns(&self) -> usize {
-        self.golden.width.div_ceil(TILE_PX)
-    }
-
-    /// Number of tiles.
-    fn tiles(&self) -> usize {
-        self.tile_columns() * self.golden.height.div_ceil(TILE_PX)
-    }
-
-    /// Indices of a tile's pixels in the picture.
-    fn pixels(&self, tile: usize) -> impl Iterator<Item = usize> + use<> {
-        let (width, height) = (self.golden.width, self.golden.height);
-        let [left, top] =
-            [tile % self.tile_columns(), tile / self.tile_columns()].map(|at| at * TILE_PX);
-        let columns = left..width.min(left + TILE_PX);
-        (top..height.min(top + TILE_PX))
-            .flat_map(move |row| columns.clone().map(move |column| row * width + column))
+    /// The view as it is sampled; `None` if machines must be drawn on it in full.
+    fn sampled(&self, target: &Target) -> Option<screen::View<'_>> {
+        Some(screen::View {
+            scene: &self.scene,
+            exact: self.exact(target)?,
+            allowed: screen::allowed(&self.golden, target.psnr_db.unwrap_or(0.0)),
+            splats: self.splats.as_ref()?,
+            part: self.part.get_or_init(|| Part::of(&self.scene)),
+        })
     }
 
     /// The name without the scene.
@@ -989,9 +972,8 @@ impl<'a> WordSearch<'a> {
             return;
         }
         for view in &mut self.views {
-            // The cut of a tree depends on the machine.
-            if view.splats.is_none() && view.scene.detail.is_none() && screen::has_enough(view) {
-                view.splats = TileSplats::of(view, &elaborated);
+            if view.splats.is_none() {
+                view.splats = TileSplats::of(&view.scene, &view.golden, &elaborated);
             }
         }
     }
@@ -2366,7 +2348,7 @@ fn compared(
         (
             distance(&picture, &view.golden),
             view.ideal.as_ref().map(|ideal| distance(&picture, ideal)),
-            screen::tile_errors(view, &picture, target),
+            (view.exact(target)).map_or(Vec::new(), |exact| screen::tile_errors(&picture, exact)),
         )
     });
     let pixels = apart

@@ -29,7 +29,7 @@ use crate::output::text::{thousands, wrapped};
 use crate::performance::cost::Prices;
 use crate::performance::given;
 use crate::scene::Scene;
-use plan::Points;
+use plan::{PlanScreen, Points};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use stage::{Head, Point, Stage};
@@ -88,6 +88,8 @@ pub struct SweepOutcome {
     /// Files that were written.
     pub files: Vec<PathBuf>,
     table: Table,
+    /// PSNR below which machines are not drawn.
+    screen: Option<PlanScreen>,
     /// Name of the base machine.
     machine: String,
     /// The word that loses a decibel first, if the plan reduces bits.
@@ -151,7 +153,7 @@ impl Sweep {
         let part = options.shard.map_or(String::new(), |Shard { index, of }| {
             format!("-{index}-of-{of}")
         });
-        let mut journal = Journal::open(folder, &part, columns::all(points.columns()))?;
+        let mut journal = Journal::open(folder, &part, columns::all(&points))?;
         check_keys(&points, &scenes.heads, &journal, folder, options)?;
         journal.keep();
         let description = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
@@ -256,6 +258,7 @@ impl Sweep {
             counts: [count, mine, self.drawn],
             files,
             loss: loss::first(&table, &self.points.base),
+            screen: self.points.plan.screen,
             machine: self.points.base.name,
             table,
         })
@@ -400,8 +403,23 @@ impl SweepOutcome {
         if rows < count {
             let _ = write!(text, "; the table has {} of them", thousands(rows));
         }
-        let is_built = |row: &&Row| self.table.is_drawn(row);
-        let unbuildable = self.table.rows.iter().filter(|row| !is_built(row)).count() as u64;
+        let count_of = |has_it: fn(&Table, &Row) -> bool| {
+            self.table
+                .rows
+                .iter()
+                .filter(|row| has_it(&self.table, row))
+                .count() as u64
+        };
+        let unbuildable = count_of(|table, row| !table.text(row, columns::MISFIT).is_empty());
+        let screened = count_of(|table, row| table.number(row, columns::SAMPLED_TILES).is_some());
+        if let Some(PlanScreen { psnr_db, against }) = self.screen {
+            let _ = write!(
+                text,
+                "; surely below {psnr_db} dB ({}), so that only a sample of tiles was drawn: {}",
+                against.difference(),
+                thousands(screened)
+            );
+        }
         if unbuildable > 0 {
             let _ = write!(
                 text,
@@ -413,7 +431,9 @@ impl SweepOutcome {
         if let Some(reason) = self.table.first_misfit().filter(|_| unbuildable < rows) {
             let _ = writeln!(text, "{}", wrapped(&format!("the first reason: {reason}")));
         }
-        let mut built: Vec<&Row> = self.table.rows.iter().filter(is_built).collect();
+        let mut built: Vec<&Row> = (self.table.rows.iter())
+            .filter(|row| self.table.is_drawn(row))
+            .collect();
         let number = |row: &Row, name: &str| self.table.number(row, name).unwrap_or(f64::INFINITY);
         if !built.is_empty() {
             let heads = ["fixed − ideal", "fixed − golden", "on covered", "frames/s"].join("  ");

@@ -8,9 +8,9 @@
 //! A search requests one machine after another, and each result decides the next request. Workers
 //! measure likely next machines in advance. A wrong guess only costs time.
 
-use super::screen::{Estimate, Screening};
 use super::{Drawn, SearchErrors, View, drawn, worst_of};
 use crate::error::{Error, Result};
+use crate::explore::screen::{Estimate, Screening};
 use crate::hardware::fixed;
 use crate::hardware::searched::Target;
 use crate::run::timed;
@@ -77,8 +77,13 @@ impl Measurement {
     pub fn on(views: &[&View], elaborated: &Elaborated, request: &Request) -> Self {
         let Request { target, screening } = request;
         if let Some(screening) = screening {
-            let (estimate, seconds) =
-                timed(|| screening.estimate(views.iter().copied(), elaborated, target));
+            let estimate = || {
+                let views: Option<Vec<_>> = views.iter().map(|view| view.sampled(target)).collect();
+                views.map_or(Ok(None), |views| {
+                    screening.estimate(&views, elaborated, target.max_error)
+                })
+            };
+            let (estimate, seconds) = timed(estimate);
             return Measurement {
                 found: None,
                 // A machine that cannot hold a view fails with a sentence when it is drawn in full.

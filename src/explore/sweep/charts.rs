@@ -163,11 +163,9 @@ impl SearchTarget {
 /// written.
 pub fn write(folder: &Path) -> Result<Charts> {
     let rows = Rows::read(folder)?;
-    if let Some(reason) = rows
-        .table
-        .first_misfit()
-        .filter(|_| !rows.table.has_drawn())
-    {
+    if !rows.table.has_drawn() {
+        let only_samples = "of every machine only a sample of the tiles was drawn";
+        let reason = rows.table.first_misfit().unwrap_or(only_samples);
         return Err(Error::input(format!(
             "{}: no row was drawn: {reason}",
             folder.display()

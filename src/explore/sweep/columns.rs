@@ -4,6 +4,7 @@
 //! A new column is one line here. Charts and summaries use its constant, so a mistyped column does
 //! not compile.
 
+use super::plan::Points;
 use super::table::{CellKind, Column, Row, named};
 use crate::accuracy::flicker::Flicker;
 use crate::accuracy::ranges::Overflows;
@@ -20,12 +21,23 @@ use serde_json::{Value, json};
 pub(super) struct Findings {
     /// Why the machine cannot be built or cannot hold the scene.
     pub misfit: Option<String>,
+    /// Set if only a sample was drawn, because the PSNR is surely too low.
+    pub screened: Option<Screened>,
     pub errors: Option<Errors>,
     pub frame: Option<FrameFindings>,
     pub lockstep: Option<Summary>,
     pub flicker: Option<Flicker>,
     pub replay: Option<ReplayFindings>,
     pub host_seconds: f64,
+}
+
+/// Errors of a sample of the picture.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Screened {
+    pub tiles: u64,
+    /// Estimate of the PSNR, and the upper end of its interval.
+    pub psnr_db: f64,
+    pub psnr_high_db: f64,
 }
 
 /// Errors of the picture.
@@ -65,9 +77,9 @@ struct ColumnFigure {
 }
 
 macro_rules! figures {
-    ($($constant:ident = $name:literal, $kind:ident, $cell:expr;)*) => {
+    ($all:ident: $($constant:ident = $name:literal, $kind:ident, $cell:expr;)*) => {
         $(#[doc = concat!("`", $name, "`")] pub const $constant: &str = $name;)*
-        const FIGURES: &[ColumnFigure] = &[$(ColumnFigure { name: $name, kind: CellKind::$kind, cell: $cell }),*];
+        const $all: &[ColumnFigure] = &[$(ColumnFigure { name: $name, kind: CellKind::$kind, cell: $cell }),*];
     };
 }
 
@@ -76,11 +88,8 @@ fn of<T>(part: &Option<T>, cell: impl FnOnce(&T) -> Value) -> Value {
     part.as_ref().map_or(Value::Null, cell)
 }
 
-/// Tiles of a sample of the picture, in a row of a search; empty if the machine was drawn in full.
-pub const SAMPLED_TILES: &str = "tiles";
-
 // A PSNR is also empty if the pictures are equal.
-figures! {
+figures! { FIGURES:
     MISFIT = "misfit", Text, |f| json!(f.misfit);
     PSNR_DB = "psnr_db", Number, |f| of(&f.errors, |e| json!(e.fixed_vs_golden.psnr_db));
     PSNR_COVERED_DB = "psnr_covered_db", Number, |f| of(&f.errors, |e| json!(e.fixed_vs_golden.psnr_covered_db));
@@ -122,19 +131,19 @@ figures! {
     LATENCY_NS = "latency_ns", Number, |f| of(&f.replay, |r| json!(r.latency_ns));
 }
 
-macro_rules! seconds {
-    ($($constant:ident = $name:literal, $cell:expr;)*) => {
-        $(#[doc = concat!("`", $name, "`")] pub const $constant: &str = $name;)*
-        const SECONDS: &[ColumnFigure] = &[$(ColumnFigure { name: $name, kind: CellKind::Number, cell: $cell }),*];
-    };
+// Only in sweeps that screen: empty if the machine was drawn in full.
+figures! { SCREENED:
+    SAMPLED_TILES = "tiles", Whole, |f| of(&f.screened, |s| json!(s.tiles));
+    SAMPLED_PSNR_DB = "sampled_psnr_db", Number, |f| of(&f.screened, |s| json!(s.psnr_db));
+    SAMPLED_PSNR_HIGH_DB = "sampled_psnr_high_db", Number, |f| of(&f.screened, |s| json!(s.psnr_high_db));
 }
 
 // On this computer: for a point in total, and for a frame of each renderer.
-seconds! {
-    HOST_SECONDS = "host_seconds", |f| json!(f.host_seconds);
-    HOST_FIXED_SECONDS = "host_fixed_seconds", |f| of(&f.frame, |frame| json!(frame.fixed_seconds));
-    HOST_GOLDEN_SECONDS = "host_golden_seconds", |f| of(&f.errors, |e| json!(e.golden_seconds));
-    HOST_IDEAL_SECONDS = "host_ideal_seconds", |f| of(&f.frame, |frame| json!(frame.ideal_seconds));
+figures! { SECONDS:
+    HOST_SECONDS = "host_seconds", Number, |f| json!(f.host_seconds);
+    HOST_FIXED_SECONDS = "host_fixed_seconds", Number, |f| of(&f.frame, |frame| json!(frame.fixed_seconds));
+    HOST_GOLDEN_SECONDS = "host_golden_seconds", Number, |f| of(&f.errors, |e| json!(e.golden_seconds));
+    HOST_IDEAL_SECONDS = "host_ideal_seconds", Number, |f| of(&f.frame, |frame| json!(frame.ideal_seconds));
 }
 
 /// `point`: the number of a row.
@@ -166,23 +175,31 @@ pub fn account(unit: &str, account: &str) -> String {
     format!("{unit}_{account}")
 }
 
-/// All columns of a plan; `own` are those of its fields.
-pub(super) fn all(own: Vec<Column>) -> Vec<Column> {
+/// All columns of a plan.
+pub(super) fn all(points: &Points) -> Vec<Column> {
     let accounts = UNITS
         .iter()
         .flat_map(|unit| ACCOUNTS.map(|name| (account(unit, name), CellKind::Whole)));
     let figure = |figure: &ColumnFigure| (figure.name.to_owned(), figure.kind);
     named(&HEAD)
         .into_iter()
-        .chain(own)
-        .chain(FIGURES.iter().map(figure))
+        .chain(points.columns())
+        .chain(FIGURES.iter().chain(screened(points)).map(figure))
         .chain(accounts)
         .chain(SECONDS.iter().map(figure))
         .collect()
 }
 
+fn screened(points: &Points) -> &'static [ColumnFigure] {
+    if points.plan.screen.is_some() {
+        SCREENED
+    } else {
+        &[]
+    }
+}
+
 /// The cells after the plan's own fields.
-pub(super) fn cells(findings: &Findings) -> Row {
+pub(super) fn cells(points: &Points, findings: &Findings) -> Row {
     let accounts = UNITS.iter().flat_map(|unit| {
         findings
             .replay
@@ -192,6 +209,7 @@ pub(super) fn cells(findings: &Findings) -> Row {
     let cell = |figure: &ColumnFigure| (figure.cell)(findings);
     FIGURES
         .iter()
+        .chain(screened(points))
         .map(cell)
         .chain(accounts)
         .chain(SECONDS.iter().map(cell))

@@ -29,8 +29,7 @@ pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
                 .iter()
                 .any(|row| table.number(row, name).is_some())
         })?;
-    let is_built = |row: &&Row| table.text(row, columns::MISFIT).is_empty();
-    let rows: Vec<(&Row, Reduction)> = (table.rows.iter().filter(is_built))
+    let rows: Vec<(&Row, Reduction)> = (table.rows.iter().filter(|row| table.is_drawn(row)))
         .filter_map(|row| Some((row, less(table.text(row, columns::CHANGES), &words)?)))
         .collect();
     // Equal pictures have no PSNR: they count as infinite.

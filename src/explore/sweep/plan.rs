@@ -9,6 +9,7 @@ use super::table::{CellKind, Column};
 use crate::accuracy::partial::UNITS;
 use crate::error::{Error, Result};
 use crate::hardware::machines;
+use crate::hardware::searched::Against;
 use crate::input;
 use crate::output::text::{clipped, thousands};
 use crate::scene::digest::mixed;
@@ -48,11 +49,28 @@ pub struct Plan {
     /// Also compare each machine with golden in lockstep, which takes most of a point's time.
     #[serde(default = "yes")]
     pub lockstep: bool,
+    /// Do not draw machines that surely miss a PSNR.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub screen: Option<PlanScreen>,
     /// Draw this many frames of scenes with several cameras, from the first on, and measure how
     /// errors change from frame to frame. All other figures are of the first frame. Surfaces only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 2, max = 32))]
     pub flicker: Option<usize>,
+}
+
+/// The PSNR that a machine must reach to be drawn in full. A sample of the picture's tiles decides
+/// whether it surely misses it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Screen")]
+pub struct PlanScreen {
+    /// Least PSNR, dB.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub psnr_db: f64,
+    /// The picture that the machine's is compared with.
+    #[serde(default)]
+    pub against: Against,
 }
 
 fn reference() -> String {

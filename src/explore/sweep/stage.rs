@@ -12,14 +12,17 @@
 //! A row depends only on the plan, the scene, unit costs and the version, and its key is a digest
 //! of these. It is the same in any process and order, except for the seconds of `host_`.
 
-use super::columns::{self, Errors, Findings, FrameFindings, ReplayFindings};
-use super::plan::{self, MachineChange, Points};
+use super::columns::{self, Errors, Findings, FrameFindings, ReplayFindings, Screened};
+use super::plan::{self, MachineChange, PlanScreen, Points};
 use super::table::{CellKind, Column, Row};
 use crate::accuracy::flicker::{Flicker, FlickerSums};
 use crate::accuracy::{distance, metrics, partial};
 use crate::error::{Error, Result};
+use crate::explore::screen::{self, Screening, TileSplats, Until};
 use crate::golden;
 use crate::golden::Rules;
+use crate::hardware::quantise::Part;
+use crate::hardware::searched::Against;
 use crate::hardware::{fixed, machines};
 use crate::output::picture::Picture;
 use crate::output::text::plain;
@@ -94,6 +97,9 @@ impl Point {
             json!(points.plan.lockstep),
             json!(plan::exact_of(&changes)),
         ];
+        if let Some(screen) = points.plan.screen {
+            all.push(json!({"screen": screen}));
+        }
         let cameras = points.cameras(nth);
         if !cameras.is_empty() {
             all.push(json!(cameras));
@@ -147,6 +153,7 @@ pub struct Stage {
     /// The following frames, for flicker.
     film: Vec<Picture>,
     ideal_seconds: f64,
+    screen: Option<Screen>,
     goldens: Kept<Rules, GoldenPicture>,
     frames: Kept<String, Framed>,
     replays: Replays,
@@ -198,6 +205,7 @@ impl Stage {
             Kept::new(FRAMES),
         );
         let replays = Replays::default();
+        let screen = Screen::new(points, &scene, &ideal);
         let changes_lists = points
             .columns()
             .iter()
@@ -212,6 +220,7 @@ impl Stage {
             ideal,
             film,
             ideal_seconds,
+            screen,
             goldens,
             frames,
             replays,
@@ -220,7 +229,7 @@ impl Stage {
 
     /// Columns of the rows.
     pub fn columns(&self) -> Vec<Column> {
-        columns::all(self.points.columns())
+        columns::all(&self.points)
     }
 
     /// Draws points of this scene and passes each row to `each`, in the same order for any number
@@ -396,7 +405,7 @@ impl Stage {
                 point.number,
                 head.into_iter()
                     .chain(own)
-                    .chain(columns::cells(&found))
+                    .chain(columns::cells(&self.points, &found))
                     .collect(),
             )
         };
@@ -430,6 +439,22 @@ impl Stage {
         let mut elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
         // Words that are recorded for other tests would differ where the work is otherwise equal.
         elaborated.records_choices = self.changes_lists;
+        let rejected = |screen: &Screen| {
+            let exact = match screen.least.against {
+                Against::Golden => &golden.picture,
+                Against::Ideal => &self.ideal,
+            };
+            screen.rejected(&self.scene, exact, &elaborated)
+        };
+        if let Some(screened) = self.screen.as_ref().and_then(rejected) {
+            return Ok(DrawnFrame {
+                found: Findings {
+                    screened: Some(screened),
+                    ..Findings::default()
+                },
+                work: None,
+            });
+        }
         let evaluation =
             Evaluation::on(&self.scene, &elaborated).map_err(|error| error.to_string())?;
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
@@ -597,8 +622,64 @@ fn frames<T>(
 /// A frame without its time.
 struct DrawnFrame {
     found: Findings,
-    /// None in mixed precision.
+    /// None in mixed precision, and of a sample.
     work: Option<Arc<Work>>,
+}
+
+/// What machines are screened with before they are drawn in full.
+struct Screen {
+    least: PlanScreen,
+    /// The picture of the plan's machine, with whose errors samples are compared.
+    drawn: Picture,
+    splats: TileSplats,
+    part: Part,
+}
+
+impl Screen {
+    /// The screen of a plan on a scene; `None` without a least PSNR, or if the plan's machine cannot
+    /// draw the scene, or if samples would save no time.
+    fn new(points: &Points, scene: &Scene, ideal: &Picture) -> Option<Self> {
+        let least = points.plan.screen?;
+        let base = fixed::elaborate(&points.base).ok()?;
+        let evaluation = Evaluation::on(scene, &base).ok()?;
+        let splats = TileSplats::of(scene, ideal, &base)?;
+        Some(Screen {
+            least,
+            drawn: evaluation.picture(&evaluation.draw()),
+            splats,
+            part: Part::of(scene),
+        })
+    }
+
+    /// The estimate for a machine that surely misses the least PSNR; `None` if it must be drawn in
+    /// full.
+    fn rejected(&self, scene: &Scene, exact: &Picture, machine: &Elaborated) -> Option<Screened> {
+        // What their lists contain depends on earlier frames.
+        if machine.machine.keeps_lists().is_some() {
+            return None;
+        }
+        let view = screen::View {
+            scene,
+            exact,
+            allowed: screen::allowed(exact, self.least.psnr_db),
+            splats: &self.splats,
+            part: &self.part,
+        };
+        // A machine that cannot hold the scene fails with a sentence when it is drawn in full.
+        let screening = Screening {
+            reference: vec![screen::tile_errors(&self.drawn, exact)],
+            stricter: 1.0,
+            nth: 0,
+            until: Until::Sure,
+        };
+        let estimate = screening.estimate(&[view], machine, None).ok()??;
+        let psnr_db = |load: f64| self.least.psnr_db - 10.0 * libm::log10(load);
+        (estimate.low > 1.0).then(|| Screened {
+            tiles: estimate.tiles,
+            psnr_db: psnr_db(estimate.load),
+            psnr_high_db: psnr_db(estimate.low),
+        })
+    }
 }
 
 impl DrawnFrame {
@@ -609,13 +690,16 @@ impl DrawnFrame {
         prices: &Prices,
         replays: &Replays,
     ) -> Vec<std::result::Result<Findings, String>> {
-        let Some(work) = &self.work else {
-            return machines.iter().map(|_| Ok(self.found.clone())).collect();
-        };
         let elaborated: Vec<_> = machines
             .par_iter()
             .map(|machine| fixed::elaborate(machine).map_err(|error| error.to_string()))
             .collect();
+        let Some(work) = &self.work else {
+            let found = |elaborated: std::result::Result<_, _>| {
+                elaborated.map(|_: Elaborated| self.found.clone())
+            };
+            return elaborated.into_iter().map(found).collect();
+        };
         let timings: Vec<&Microarchitecture> = elaborated
             .iter()
             .flatten()

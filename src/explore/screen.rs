@@ -1,4 +1,4 @@
-//! Screen: estimates the squared error of a machine on a view from a sample of its tiles.
+//! Screen: estimates the squared error of a machine on a scene from a sample of its tiles.
 //!
 //! ```text
 //! reference machine, drawn in full ─► r_t per tile ─► sizes p_t ─► order of tiles ─► first n ─┐
@@ -34,13 +34,13 @@
 //! Laws: `sure_decisions_are_seldom_wrong`, `a_tile_of_a_sample_is_that_of_the_picture`;
 //! `screening_finds_machines_as_small_as_full_drawings_do` (tests/search.rs).
 
-use super::View;
 use crate::accuracy::pixel_errors;
 use crate::error::Result;
 use crate::hardware::fixed;
 use crate::hardware::quantise::{Part, quantise, quantise_part};
 use crate::hardware::searched::{Metric, Target};
 use crate::output::picture::Picture;
+use crate::scene::Scene;
 use rtl_model::pipeline::{Elaborated, set_up_unobserved};
 use rtl_model::work::{TILE_PX, each_tile};
 use serde::{Deserialize, Serialize};
@@ -68,6 +68,58 @@ const LATTICE: [f64; 2] = [0.754_877_666_247, 0.569_840_290_998];
 /// Shift of the lattice per reference: the golden ratio.
 const LATTICE_SHIFT: f64 = 0.618_033_988_75;
 
+/// A picture in tiles of [`TILE_PX`]×[`TILE_PX`] pixels, row by row.
+#[derive(Clone, Copy)]
+struct Grid {
+    width: usize,
+    height: usize,
+}
+
+impl Grid {
+    fn of(picture: &Picture) -> Self {
+        Grid {
+            width: picture.width,
+            height: picture.height,
+        }
+    }
+
+    fn columns(self) -> usize {
+        self.width.div_ceil(TILE_PX)
+    }
+
+    fn tiles(self) -> usize {
+        self.columns() * self.height.div_ceil(TILE_PX)
+    }
+
+    /// Indices of a tile's pixels in the picture.
+    fn pixels(self, tile: usize) -> impl Iterator<Item = usize> {
+        let [left, top] = [tile % self.columns(), tile / self.columns()].map(|at| at * TILE_PX);
+        let columns = left..self.width.min(left + TILE_PX);
+        (top..self.height.min(top + TILE_PX))
+            .flat_map(move |row| columns.clone().map(move |column| row * self.width + column))
+    }
+}
+
+/// A scene from one camera, of which samples are drawn.
+#[derive(Clone, Copy)]
+pub struct View<'a> {
+    pub scene: &'a Scene,
+    /// The picture that machines are compared with.
+    pub exact: &'a Picture,
+    /// Squared error of the picture, summed over pixels and channels, at which the load is 1
+    /// ([`allowed`]).
+    pub allowed: f64,
+    pub splats: &'a TileSplats,
+    /// [`Part::of`] the scene.
+    pub part: &'a Part,
+}
+
+/// Squared error of a picture with this PSNR, summed over pixels and channels.
+pub fn allowed(picture: &Picture, psnr_db: f64) -> f64 {
+    let values = 3.0 * (picture.width * picture.height) as f64;
+    values * libm::pow(10.0, -psnr_db / 10.0)
+}
+
 /// Splats of each tile of a view.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TileSplats {
@@ -77,11 +129,17 @@ pub struct TileSplats {
 }
 
 impl TileSplats {
-    /// Splats by their boxes on a machine; `None` if the machine cannot hold the view.
-    pub fn of(view: &View, elaborated: &Elaborated) -> Option<Self> {
-        let quantised = quantise(&view.scene, &elaborated.machine).ok()?;
+    /// Splats by their boxes on a machine; `None` if samples of the scene cannot be drawn or save
+    /// no time: if the machine cannot hold it, if it is a tree, because its cut depends on the
+    /// machine, or if the picture has few tiles.
+    pub fn of(scene: &Scene, picture: &Picture, elaborated: &Elaborated) -> Option<Self> {
+        let grid = Grid::of(picture);
+        if scene.detail.is_some() || grid.tiles() < LEAST_TILES {
+            return None;
+        }
+        let quantised = quantise(scene, &elaborated.machine).ok()?;
         let setup = set_up_unobserved(elaborated, &quantised.frame);
-        let [width, height] = [view.golden.width, view.golden.height].map(|size| size as u16);
+        let [width, height] = [grid.width, grid.height].map(|size| size as u16);
         let widened = |sides: [[u16; 2]; 2]| {
             [(0, width), (1, height)].map(|(axis, size)| {
                 let [first, last]: [u16; 2] = sides[axis];
@@ -91,9 +149,9 @@ impl TileSplats {
                 ]
             })
         };
-        let mut tiles: Vec<Vec<u32>> = vec![Vec::new(); view.tiles()];
+        let mut tiles: Vec<Vec<u32>> = vec![Vec::new(); grid.tiles()];
         for (splat, sides) in setup.boxes() {
-            each_tile(widened(sides), TILE_PX, view.tile_columns(), |tile| {
+            each_tile(widened(sides), TILE_PX, grid.columns(), |tile| {
                 tiles[tile].push(splat);
             });
         }
@@ -116,11 +174,6 @@ impl TileSplats {
 /// Whether machines can be screened for a target: PSNR of pictures as they are, whose errors add up.
 pub fn is_possible(target: &Target) -> bool {
     target.metric == Metric::Psnr && target.psnr_db.is_some() && !target.no_saturation
-}
-
-/// Whether a view has so many tiles that a sample saves time.
-pub fn has_enough(view: &View) -> bool {
-    view.tiles() >= LEAST_TILES
 }
 
 /// How far an estimate goes.
@@ -152,7 +205,7 @@ impl Until {
 pub struct Screening {
     /// Squared error of the reference machine per tile, of each view.
     pub reference: Vec<Vec<f64>>,
-    /// Factor by which the allowed squared error is less than the target's.
+    /// Factor by which the allowed squared error is less than that of the views.
     pub stricter: f64,
     /// Number of the reference: another one has another lattice.
     pub nth: u64,
@@ -190,21 +243,20 @@ impl Estimate {
 }
 
 /// Squared error of each tile of a picture; empty if a value is NaN or infinite.
-pub fn tile_errors(view: &View, picture: &Picture, target: &Target) -> Vec<f64> {
-    let errors = |tile| Some(tile_error(view, tile, target, |pixel| picture.rgba[pixel])?.0);
-    let all: Option<Vec<f64>> = (0..view.tiles()).map(errors).collect();
+pub fn tile_errors(picture: &Picture, exact: &Picture) -> Vec<f64> {
+    let errors = |tile| Some(tile_error(exact, tile, |pixel| picture.rgba[pixel])?.0);
+    let all: Option<Vec<f64>> = (0..Grid::of(exact).tiles()).map(errors).collect();
     all.unwrap_or_default()
 }
 
 /// Squared error and greatest error of a tile; `None` if a value is NaN or infinite.
 fn tile_error(
-    view: &View,
+    exact: &Picture,
     tile: usize,
-    target: &Target,
     rgba: impl Fn(usize) -> [f64; 4],
 ) -> Option<(f64, f64)> {
-    let exact = view.exact(target)?;
-    view.pixels(tile)
+    Grid::of(exact)
+        .pixels(tile)
         .try_fold((0.0, 0.0f64), |(squares, most), pixel| {
             let (own, greatest) = pixel_errors(&rgba(pixel), exact, pixel)?;
             Some((squares + own, most.max(greatest)))
@@ -216,16 +268,16 @@ impl Screening {
     ///
     /// # Errors
     /// If the machine cannot hold a view.
-    pub fn estimate<'v>(
+    pub fn estimate(
         &self,
-        views: impl IntoIterator<Item = &'v View>,
+        views: &[View],
         elaborated: &Elaborated,
-        target: &Target,
+        max_error: Option<f64>,
     ) -> Result<Option<Estimate>> {
-        let mut views: Vec<(&View, &Vec<f64>)> = views.into_iter().zip(&self.reference).collect();
+        let mut views: Vec<(&View, &Vec<f64>)> = views.iter().zip(&self.reference).collect();
         // A view that the reference hardly meets rejects most machines: it comes first.
         let load = |(view, errors): &(&View, &Vec<f64>)| {
-            errors.iter().sum::<f64>() / view.allowed(target, self.stricter)
+            errors.iter().sum::<f64>() / (view.allowed / self.stricter)
         };
         views.sort_by(|a, b| load(b).total_cmp(&load(a)));
         let mut all = Estimate {
@@ -236,10 +288,7 @@ impl Screening {
             max_error: 0.0,
         };
         for (view, errors) in views {
-            let Some(splats) = &view.splats else {
-                return Ok(None);
-            };
-            let Some(own) = self.on(view, splats, errors, elaborated, target)? else {
+            let Some(own) = self.on(view, errors, elaborated, max_error)? else {
                 return Ok(None);
             };
             all = Estimate {
@@ -253,7 +302,7 @@ impl Screening {
                 break;
             }
         }
-        let is_enough = all.is_sure() || (self.until != Until::Sure && target.max_error.is_none());
+        let is_enough = all.is_sure() || (self.until != Until::Sure && max_error.is_none());
         Ok(is_enough.then_some(all))
     }
 
@@ -261,21 +310,20 @@ impl Screening {
     fn on(
         &self,
         view: &View,
-        splats: &TileSplats,
         reference: &[f64],
         elaborated: &Elaborated,
-        target: &Target,
+        max_error: Option<f64>,
     ) -> Result<Option<Estimate>> {
-        if reference.len() != view.tiles() {
+        let grid = Grid::of(view.exact);
+        if reference.len() != grid.tiles() {
             return Ok(None);
         }
-        let part = view.part.get_or_init(|| Part::of(&view.scene));
-        let draw = |tiles: &[usize]| draw(view, part, splats, tiles, elaborated, target);
         let limits = Limits {
-            allowed: view.allowed(target, self.stricter),
-            max_error: target.max_error,
+            allowed: view.allowed / self.stricter,
+            max_error,
         };
-        self.sampled(reference, view.tile_columns(), &limits, draw)
+        let draw = |tiles: &[usize]| draw(view, tiles, elaborated);
+        self.sampled(reference, grid.columns(), &limits, draw)
     }
 
     /// Estimates a load on a picture with so many columns of tiles; `draw` returns the squared and the
@@ -348,22 +396,19 @@ struct Limits {
 }
 
 /// Draws some tiles of a view; returns the squared and the greatest error of each.
-fn draw(
-    view: &View,
-    part: &Part,
-    splats: &TileSplats,
-    tiles: &[usize],
-    elaborated: &Elaborated,
-    target: &Target,
-) -> Result<Option<Vec<(f64, f64)>>> {
-    let mut drawn = vec![false; view.tiles()];
+fn draw(view: &View, tiles: &[usize], elaborated: &Elaborated) -> Result<Option<Vec<(f64, f64)>>> {
+    let mut drawn = vec![false; Grid::of(view.exact).tiles()];
     tiles.iter().for_each(|tile| drawn[*tile] = true);
-    let own = tiles.iter().flat_map(|tile| splats.tile(*tile)).copied();
-    let quantised = quantise_part(&view.scene, &part.with(own.collect()), &elaborated.machine)?;
+    let own = tiles
+        .iter()
+        .flat_map(|tile| view.splats.tile(*tile))
+        .copied();
+    let part = view.part.with(own.collect());
+    let quantised = quantise_part(view.scene, &part, &elaborated.machine)?;
     let drawing = fixed::draw_tiles(elaborated, &quantised, &drawn);
     let format = elaborated.machine.resolve.frame.format;
     let rgba = |pixel: usize| drawing.frame[pixel].map(|word| format.value(i64::from(word)));
-    let error = |tile: &usize| tile_error(view, *tile, target, rgba);
+    let error = |tile: &usize| tile_error(view.exact, *tile, rgba);
     Ok(tiles.iter().map(error).collect())
 }
 
@@ -485,17 +530,18 @@ fn interval(sample: &[Sampled], sizes: &[f64], reference: &[f64], deviations: f6
 
 #[cfg(test)]
 mod tests {
-    use super::super::drawn;
     use super::*;
-    use crate::explore::search::domain::Member;
+    use crate::golden;
     use crate::hardware::machines;
+    use crate::run::evaluation::Evaluation;
+    use crate::scene::Overrides;
     use crate::scene::digest::mixed;
-    use crate::scene::{Overrides, Scene};
     use rtl_model::Machine;
     use rtl_model::num::Format;
     use serde_json::Value;
 
-    fn view(name: &str, base: &Machine) -> View {
+    /// A scene with the picture that machines are compared with, and the splats of its tiles.
+    fn view(name: &str, base: &Elaborated) -> (Scene, Picture, TileSplats) {
         let overrides = Overrides {
             size: Some((192, 160)),
         };
@@ -506,13 +552,15 @@ mod tests {
             .splats
             .iter_mut()
             .for_each(|splat| splat.radius *= (stride as f64).sqrt());
-        let member = Member {
-            name: name.into(),
-            scene,
-        };
-        let mut view = View::new(0, member, base);
-        view.splats = TileSplats::of(&view, &base.elaborate().unwrap());
-        view
+        let golden = golden::render(&scene, &fixed::rules(&base.machine)).picture;
+        let splats = TileSplats::of(&scene, &golden, base).unwrap();
+        (scene, golden, splats)
+    }
+
+    /// Squared error of each tile on a machine; `None` if it cannot hold the scene.
+    fn tiles_on(elaborated: &Elaborated, scene: &Scene, exact: &Picture) -> Option<Vec<f64>> {
+        let evaluation = Evaluation::on(scene, elaborated).ok()?;
+        Some(tile_errors(&evaluation.picture(&evaluation.draw()), exact))
     }
 
     /// The base with fewer fraction bits in some words.
@@ -532,34 +580,31 @@ mod tests {
         machines::with(base, &changes, "").ok()?.elaborate().ok()
     }
 
-    const TARGET: Target = Target {
-        psnr_db: Some(50.0),
-        max_error: None,
-        no_saturation: false,
-        against: crate::hardware::searched::Against::Golden,
-        metric: Metric::Psnr,
-        frames_per_second: None,
-    };
-
     #[test]
     fn a_tile_of_a_sample_is_that_of_the_picture() {
         let base = Machine::named("reference").unwrap();
         for name in ["torus-knot", "glass-spheres"] {
-            let view = view(name, &base);
+            let elaborated = base.elaborate().unwrap();
+            let (scene, exact, splats) = view(name, &elaborated);
+            let part = Part::of(&scene);
+            let view = View {
+                scene: &scene,
+                exact: &exact,
+                allowed: allowed(&exact, 50.0),
+                splats: &splats,
+                part: &part,
+            };
             let machines: Vec<Elaborated> =
                 (0..40).filter_map(|seed| narrower(&base, seed)).collect();
-            let (splats, part) = (view.splats.as_ref().unwrap(), Part::of(&view.scene));
-            for elaborated in machines.iter().take(4).chain([&base.elaborate().unwrap()]) {
-                let Ok(whole) = drawn(elaborated, &view, &TARGET) else {
+            for elaborated in machines.iter().take(4).chain([&elaborated]) {
+                let Some(whole) = tiles_on(elaborated, &scene, &exact) else {
                     continue;
                 };
                 for first in 0..3 {
-                    let tiles: Vec<usize> = (first..view.tiles()).step_by(3).collect();
-                    let errors = draw(&view, &part, splats, &tiles, elaborated, &TARGET)
-                        .unwrap()
-                        .unwrap();
+                    let tiles: Vec<usize> = (first..whole.len()).step_by(3).collect();
+                    let errors = draw(&view, &tiles, elaborated).unwrap().unwrap();
                     let own: Vec<f64> = errors.into_iter().map(|(squares, _)| squares).collect();
-                    let expected: Vec<f64> = tiles.iter().map(|tile| whole.tiles[*tile]).collect();
+                    let expected: Vec<f64> = tiles.iter().map(|tile| whole[*tile]).collect();
                     assert_eq!(own, expected, "{name}");
                 }
             }
@@ -571,9 +616,9 @@ mod tests {
         let base = Machine::named("reference").unwrap();
         let [mut sure, mut wrong, mut all] = [0u32; 3];
         for name in ["torus-knot", "glass-spheres"] {
-            let view = view(name, &base);
+            let (scene, exact, _) = view(name, &base.elaborate().unwrap());
             let errors: Vec<Vec<f64>> = (100..700)
-                .filter_map(|seed| Some(drawn(&narrower(&base, seed)?, &view, &TARGET).ok()?.tiles))
+                .filter_map(|seed| tiles_on(&narrower(&base, seed)?, &scene, &exact))
                 .filter(|tiles| tiles.iter().sum::<f64>() > 0.0)
                 .collect();
             assert!(errors.len() > 30, "{}", errors.len());
@@ -599,7 +644,7 @@ mod tests {
                         Ok(Some(tiles.iter().map(|tile| (own[*tile], 0.0)).collect()))
                     };
                     let estimate = screening
-                        .sampled(reference, view.tile_columns(), &limits, draw)
+                        .sampled(reference, Grid::of(&exact).columns(), &limits, draw)
                         .unwrap()
                         .unwrap();
                     all += 1;
