@@ -13,8 +13,8 @@
 //! unit at most once. So a lifted unit saves at most the cycles in which it is busy or blocked by
 //! itself; lifted shade saves at most the cycles for which others stall for it. The frame still
 //! takes the busy cycles of every other unit of the pass, and those in which memory moves bytes.
-//! With ideal memory, it takes the cycles of the busiest unit of each pass. So candidates are tried in
-//! the order of these bounds, and those that cannot save more than the best one so far are not
+//! With ideal memory, it takes the cycles of the busiest unit of each pass. So candidates are tried
+//! in the order of these bounds, and those that cannot save more than the best one so far are not
 //! tried. If units share memory, a replay can save a little more because requests change their
 //! order. This is not due to the unit, and is not counted.
 //!

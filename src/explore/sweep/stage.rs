@@ -665,13 +665,13 @@ impl Screen {
             splats: &self.splats,
             part: &self.part,
         };
-        // A machine that cannot hold the scene fails with a sentence when it is drawn in full.
         let screening = Screening {
             reference: vec![screen::tile_errors(&self.drawn, exact)],
             stricter: 1.0,
             nth: 0,
             until: Until::Sure,
         };
+        // A machine that cannot hold the scene fails with a sentence when it is drawn in full.
         let estimate = screening.estimate(&[view], machine, None).ok()??;
         let psnr_db = |load: f64| self.least.psnr_db - 10.0 * libm::log10(load);
         (estimate.low > 1.0).then(|| Screened {
