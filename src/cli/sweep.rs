@@ -28,7 +28,7 @@ pub(super) struct SweepArgs {
     /// Do not draw machines that surely have a lower PSNR
     #[arg(long, value_name = "DB", value_parser = positive)]
     screen: Option<f64>,
-    /// Screen by fixed − `golden` (default) or fixed − `ideal`
+    /// Screen against `golden` (default) or `ideal`
     #[arg(
         long,
         value_name = "WHAT",
