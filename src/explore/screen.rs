@@ -32,7 +32,8 @@
 //! a tile of the sample. Words do not depend on the other splats.
 //!
 //! Laws: `sure_decisions_are_seldom_wrong`, `a_tile_of_a_sample_is_that_of_the_picture`;
-//! `screening_finds_machines_as_small_as_full_drawings_do` (tests/search.rs).
+//! `screening_finds_machines_as_small_as_full_drawings_do` (tests/search.rs),
+//! `only_machines_that_miss_the_psnr_are_screened_out` (tests/sweep.rs).
 
 use crate::accuracy::pixel_errors;
 use crate::error::Result;
