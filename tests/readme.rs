@@ -68,10 +68,10 @@ const LONG: [(&str, Tier); 20] = [
     ("run torus-knot --size 320x200 ", Tier::Ci),
     ("run terrain --threads 1 ", Tier::Full),
     ("run glass-spheres --size 1024x1024 ", Tier::Full),
-    ("run --ranges ", Tier::Ci),
-    ("run --size 128x128 --what-if", Tier::Ci),
-    ("trace glass-spheres --size 64x64 ", Tier::Ci),
-    ("diff raster-trace ", Tier::Ci),
+    ("run --ranges ", Tier::Full),
+    ("run --size 128x128 --what-if", Tier::Full),
+    ("trace glass-spheres --size 64x64 ", Tier::Full),
+    ("diff raster-trace ", Tier::Full),
 ];
 
 /// Whether a command is run in this tier.

@@ -378,7 +378,7 @@ fn every_scene_that_is_read_draws_on_every_machine_or_ends_in_a_sentence() {
     let given = std::env::var("PROPTEST_CASES")
         .ok()
         .and_then(|cases| cases.parse().ok());
-    let cases = given.unwrap_or(tier::of([3, 1], 900) as u32);
+    let cases = given.unwrap_or(tier::of([3, 3], 900) as u32);
     let config = ProptestConfig {
         cases,
         max_shrink_iters: 2_000,

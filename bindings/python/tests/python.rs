@@ -53,39 +53,78 @@ fn install(folder: &Path) {
     std::fs::copy(built, package.join("_native.abi3.so")).unwrap();
 }
 
-#[test]
-fn the_package_behaves_as_the_command_line() {
+/// Runs a module of Python on the installed package, in the tiers from `ci` on.
+fn of_package(module: &str, arguments: &[&str]) {
     if !tier::runs(tier::Tier::Ci) {
         return;
     }
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     install(folder.path());
-    let sources = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let of_package = |module: &str, arguments: &[&str]| {
-        run(Command::new(&python)
-            .args(["-m", module])
-            .args(arguments)
-            .current_dir(folder.path())
-            .env("PYTHONPATH", folder.path())
-            .env("PYTHONDONTWRITEBYTECODE", "1"));
-    };
-    let settings = sources.join("pyproject.toml");
-    let settings = settings.to_str().unwrap();
-    of_package("mypy", &["--config-file", settings]);
-    of_package(
-        "mypy.stubtest",
-        &["--mypy-config-file", settings, "splatsim._native"],
-    );
-    let tests = sources.join("tests");
+    run(Command::new(&python)
+        .args(["-m", module])
+        .args(arguments)
+        .current_dir(folder.path())
+        .env("PYTHONPATH", folder.path())
+        .env("PYTHONDONTWRITEBYTECODE", "1"));
+}
+
+/// A file of the package.
+fn source(file: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
+    path.to_str().unwrap().to_owned()
+}
+
+/// Runs the tests of a file.
+fn tests_of(file: &str) {
+    let path = source(&format!("tests/{file}"));
     of_package(
         "pytest",
-        &[
-            "-q",
-            "--durations=5",
-            "-p",
-            "no:cacheprovider",
-            tests.to_str().unwrap(),
-        ],
+        &["-q", "--durations=5", "-p", "no:cacheprovider", &path],
     );
+}
+
+#[test]
+fn the_types_of_the_package_are_right() {
+    of_package("mypy", &["--config-file", &source("pyproject.toml")]);
+}
+
+#[test]
+fn the_types_of_the_native_module_are_those_that_are_declared() {
+    let settings = source("pyproject.toml");
+    of_package(
+        "mypy.stubtest",
+        &["--mypy-config-file", &settings, "splatsim._native"],
+    );
+}
+
+/// The tests in Python, each file as a test of its own, so that they run at the same time.
+macro_rules! files {
+    ($($name:ident: $file:literal;)*) => {
+        $(
+            #[test]
+            fn $name() {
+                tests_of($file);
+            }
+        )*
+
+        #[test]
+        fn every_file_of_tests_is_run() {
+            let mut files: Vec<String> = std::fs::read_dir(source("tests"))
+                .unwrap()
+                .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+                .filter(|name| name.starts_with("test_"))
+                .collect();
+            files.sort_unstable();
+            assert_eq!(files, [$($file),*]);
+        }
+    };
+}
+
+files! {
+    a_sweep_on_a_cluster_has_the_rows_of_one_process: "test_cluster.py";
+    a_simulation_in_cocotb_compares_with_the_model: "test_cocotb.py";
+    the_package_behaves_as_the_command_line: "test_command_line.py";
+    the_notebooks_run: "test_notebooks.py";
+    the_package_does_what_its_documentation_says: "test_package.py";
 }
