@@ -210,12 +210,11 @@ fn random(rng: &mut Rng) -> Machine {
     });
     let mut roll = |most: f64| (rng.roll() * most) as i32;
     let mut word = |signed: bool| Word {
-        format: Format {
+        format: Format::fixed_point(
             signed,
-            int_bits: if signed { 2 + roll(2.0) } else { 1 + roll(2.0) },
-            frac_bits: roll(13.0),
-            significant_bits: 0,
-        },
+            if signed { 2 + roll(2.0) } else { 1 + roll(2.0) },
+            roll(13.0),
+        ),
         round: [Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven][roll(3.0) as usize],
         overflow: Overflow::Saturate,
     };

@@ -108,12 +108,7 @@ fn narrowed(machine: &Machine, rng: &mut handmade::Rng) -> Machine {
             let signed = sum == "normal_sum";
             (
                 format!("fragment.{sum}"),
-                Format {
-                    signed,
-                    int_bits: int_bits + i32::from(signed),
-                    frac_bits,
-                    significant_bits: 0,
-                },
+                Format::fixed_point(signed, int_bits + i32::from(signed), frac_bits),
             )
         } else {
             let words = machines::words(&machine);
@@ -129,12 +124,8 @@ fn narrowed(machine: &Machine, rng: &mut handmade::Rng) -> Machine {
 fn narrow(signed: bool) -> Vec<Format> {
     (1..=3)
         .flat_map(|width| {
-            (0..=width).map(move |frac_bits| Format {
-                signed,
-                int_bits: width - frac_bits,
-                frac_bits,
-                significant_bits: 0,
-            })
+            (0..=width)
+                .map(move |frac_bits| Format::fixed_point(signed, width - frac_bits, frac_bits))
         })
         .collect()
 }

@@ -3,8 +3,8 @@
 //
 //   exact ->( magnitude )->[ << left ]->( leading one )->( + round )->[ saturate ]-> word
 //
-// Loss: bits below the significant ones, or below the format's least place, are rounded; outside its
-// range the word saturates.
+// Loss: bits below the significant ones, or below the format's least place, are rounded; subnormal
+// words can be flushed to zero; outside its range the word saturates.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -14,7 +14,8 @@ module fit_float #(
     parameter int W = 4,      // bits of the word, from its sign to its least place
     parameter int S = 0,      // 1: the word is signed
     parameter int P = 2,      // its significant bits
-    parameter int ROUND = 2   // 0 towards zero, 1 nearest (ties away from zero), 2 nearest-even
+    parameter int ROUND = 2,  // 0 towards zero, 1 nearest (ties away from zero), 2 nearest-even
+    parameter int FLUSH = 0   // 1: subnormal words are flushed to zero
 ) (
     input wire signed [IN_W-1:0] exact, // the exact result
     output wire [W-1:0] word            // the word
@@ -56,7 +57,9 @@ module fit_float #(
     assign up = |dropped && (rest > half || (rest == half && (ROUND == 1 || kept[0])));
   end
   wire [OUT_W-1:0] rounded = (OUT_W'(kept) + OUT_W'(up)) << (dropped - DROPPED_W'(RIGHT));
-  wire [W-1:0] limited = rounded > MAX ? W'(MAX) : W'(rounded);
+  // A normal word has a bit at the place of the leading one of the least normal number, or above.
+  wire is_flushed = FLUSH != 0 && ~|(rounded >> (P - 1));
+  wire [W-1:0] limited = is_flushed ? {W{1'b0}} : rounded > MAX ? W'(MAX) : W'(rounded);
   assign word = negative ? (S != 0 ? -limited : {W{1'b0}}) : limited;
 endmodule
 

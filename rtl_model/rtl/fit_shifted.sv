@@ -15,7 +15,8 @@ module fit_shifted #(
     parameter int S = 0,      // 1: the word is signed
     parameter int ROUND = 1,  // 0 truncate, 1 nearest (ties up), 2 nearest-even
     parameter int WRAP = 0,   // 0 saturate, 1 wrap
-    parameter int P = 0       // significant bits of a floating-point word; 0 in fixed point
+    parameter int P = 0,      // significant bits of a floating-point word; 0 in fixed point
+    parameter int FLUSH = 0   // 1: its subnormal words are flushed to zero
 ) (
     input wire signed [IN_W-1:0] exact,  // the exact result
     input wire signed [MORE_W-1:0] more, // its additional fraction bits
@@ -52,7 +53,7 @@ module fit_shifted #(
   if (P == 0) begin : g_fixed
     fit #(.IN_W(BARREL_W + STICKY), .PLACES(GUARD + STICKY), .W(W), .S(S), .ROUND(ROUND), .WRAP(WRAP)) last (.exact(rest), .word(word));
   end else begin : g_float
-    fit_float #(.IN_W(BARREL_W + STICKY), .PLACES(GUARD + STICKY), .W(W), .S(S), .P(P), .ROUND(ROUND)) last (.exact(rest), .word(word));
+    fit_float #(.IN_W(BARREL_W + STICKY), .PLACES(GUARD + STICKY), .W(W), .S(S), .P(P), .ROUND(ROUND), .FLUSH(FLUSH)) last (.exact(rest), .word(word));
   end
 endmodule
 

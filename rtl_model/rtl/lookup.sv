@@ -16,6 +16,7 @@ module lookup #(
     parameter int W = 1,                   // bits of a value, unsigned, and of the word
     parameter int ROUND = 1,               // how the word is rounded: 0 truncate, 1 nearest (ties up), 2 nearest-even
     parameter int P = 0,                   // significant bits of a floating-point word; 0 in fixed point
+    parameter int FLUSH = 0,               // 1: its subnormal words are flushed to zero
     parameter ROM = "table.hex",           // lines {value, signed delta of W + 1 bits}
     parameter int LINES = 1 << TABLE_BITS  // number of them: fewer than addresses if tables of several materials are in one ROM
 ) (
@@ -41,7 +42,7 @@ module lookup #(
     if (P == 0) begin : g_fixed
       fit #(.IN_W(EXACT_W), .PLACES(FRACTION_BITS), .W(W), .S(0), .ROUND(ROUND), .WRAP(0)) between (.exact(exact), .word(word));
     end else begin : g_float
-      fit_float #(.IN_W(EXACT_W), .PLACES(FRACTION_BITS), .W(W), .S(0), .P(P), .ROUND(ROUND)) between (.exact(exact), .word(word));
+      fit_float #(.IN_W(EXACT_W), .PLACES(FRACTION_BITS), .W(W), .S(0), .P(P), .ROUND(ROUND), .FLUSH(FLUSH)) between (.exact(exact), .word(word));
     end
   end else begin : g_nearest
     assign word = value;

@@ -234,7 +234,12 @@ fn format_of(field: &Value) -> Option<Format> {
         number("int_bits", [-64, 64])?,
         number("significant_bits", [1, 64])?,
     ];
-    let format: Format = format!("{sign}{int_bits}F{frac_bits}S{significant_bits}")
+    let flushes = if field["flushes_subnormals"] == true {
+        "N"
+    } else {
+        ""
+    };
+    let format: Format = format!("{sign}{int_bits}F{frac_bits}S{significant_bits}{flushes}")
         .parse()
         .ok()?;
     (format.stored_bits() == width).then_some(format)

@@ -421,10 +421,14 @@ impl Port {
                 return Err(between(&field.name, *word, [format.min(), format.max()]));
             }
             if format.representable(*word) != *word {
-                let sentence = format!(
-                    "{word}, and a word of {format} has {} significant bits",
-                    format.significant_bits
-                );
+                let sentence = if word.abs() < format.least_magnitude() {
+                    format!("{word}, and {format} has no subnormal numbers")
+                } else {
+                    format!(
+                        "{word}, and a word of {format} has {} significant bits",
+                        format.significant_bits
+                    )
+                };
                 return Err(Refused::of(&field.name, sentence));
             }
         }

@@ -15,6 +15,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::BinWords;
 use rtl_model::graph::Graph;
 use rtl_model::graph::verilog::Port;
+use rtl_model::machine::Interpolation;
 use rtl_model::pipeline::rtl::Datapath;
 use rtl_model::probe::{NoProbe, Tap};
 use rtl_model::units::bin;
@@ -45,8 +46,17 @@ fn write(trace: &Traced, folder: &Path) {
 const ONE_LANE: &str = "timing.raster.lanes=[1,1]";
 
 fn made_up(text: &str, machine: &Machine, units: &[&str]) -> Traced {
+    with_stimulus(Some(60), text, machine, units)
+}
+
+/// A trace of the frame alone.
+fn of_frame(text: &str, machine: &Machine, units: &[&str]) -> Traced {
+    with_stimulus(None, text, machine, units)
+}
+
+fn with_stimulus(stimulus: Option<u32>, text: &str, machine: &Machine, units: &[&str]) -> Traced {
     let window = Window {
-        stimulus: Some(60),
+        stimulus,
         units: units.iter().map(|&unit| unit.to_owned()).collect(),
         ..Window::default()
     };
@@ -83,16 +93,16 @@ fn floating() -> Machine {
         &[
             ONE_LANE,
             "splat.position=I1F26S8",
-            "project.slope=I4F22S6",
+            "project.slope=I4F22S6N",
             r#"project.camera={"format":"I2F25S9","round":"truncate"}"#,
             "project.focal=U15F12S24",
             r#"ellipse.normal={"format":"I2F22S3","round":"nearest"}"#,
             r#"ellipse.conic={"format":"U2F25S5","round":"nearest"}"#,
-            "ellipse.conic_cross=I2F25S5",
+            "ellipse.conic_cross=I2F25S5N",
             "ellipse.determinant=U8F40S12",
             "ellipse.amplitude=U-2F24S2",
-            "gauss.falloff=U1F20S3",
-            r#"gauss.weight={"format":"U1F20S4","round":"truncate"}"#,
+            "gauss.falloff=U1F20S3N",
+            r#"gauss.weight={"format":"U1F20S4N","round":"truncate"}"#,
         ],
     )
 }
@@ -135,7 +145,15 @@ fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
             ellipsoids(),
         ),
     ];
-    cases.push(of("floating point", &cloud(60, 16), &floating(), discs()));
+    let floating = floating();
+    cases.push(of("floating point", &cloud(60, 16), &floating, discs()));
+    let mut nearest = floating;
+    nearest.gauss.table.interpolation = Interpolation::Nearest;
+    cases.push((
+        "a table of floating point",
+        made_up(&cloud(60, 16), &nearest, &["gauss"]),
+        vec![unit("gauss")],
+    ));
     cases.push(of(
         "half precision",
         &bouquet(60, 16, &json!({"stop": 0.3})),
@@ -143,10 +161,16 @@ fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
         ellipsoids(),
     ));
     let weights = r#"sort.depth_weight={"share": "U1F16S9", "weight": "U1F16S7"}"#;
-    cases.push(of(
+    // Wide floating-point words are slow to simulate: only the last tier has their corners twice.
+    let again = runs(Tier::Full).then_some(60);
+    cases.push((
         "half-precision weights",
-        &bouquet(60, 16, &json!({"weight_distance": 3.2})),
-        &machine("fp16", &[ONE_LANE, "sort.kind=none", weights]),
+        with_stimulus(
+            again,
+            &bouquet(20, 16, &json!({"weight_distance": 3.2})),
+            &machine("fp16", &[ONE_LANE, "sort.kind=none", weights]),
+            &names,
+        ),
         ellipsoids(),
     ));
     let harmonic = |machine: &Machine| {
@@ -156,11 +180,7 @@ fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
         if degree == 1 || runs(Tier::Full) {
             return made_up(&text, machine, &["colour"]);
         }
-        let window = Window {
-            units: vec!["colour".into()],
-            ..Window::default()
-        };
-        traced(&text, machine, &window)
+        of_frame(&text, machine, &["colour"])
     };
     for (name, degree) in [
         ("half-precision harmonics", 3),
@@ -230,23 +250,26 @@ fn wrong_generated_rtl_is_found_out() {
 
 /// A fit to a floating-point word (parameters of fit_float.sv): bits of the exact result, fraction
 /// bits that are dropped, bits of the word, 1 if signed, significant bits, rounding (0 truncate, 1
-/// nearest, 2 nearest-even).
-type FloatFit = [i32; 6];
+/// nearest, 2 nearest-even), 1 if subnormal words are flushed to zero.
+type FloatFit = [i32; 7];
 
 /// Formats with and without a reserved code, shifts in both directions, and all roundings.
-const FLOAT_FITS: [FloatFit; 8] = [
-    [11, 2, 9, 1, 3, 2],
-    [11, 2, 9, 1, 3, 1],
-    [11, 2, 9, 1, 3, 0],
-    [11, 0, 8, 0, 4, 2],
-    [10, -2, 9, 1, 2, 2],
-    [11, 4, 7, 0, 2, 1],
-    [12, 1, 10, 1, 5, 2],
-    [9, 6, 6, 1, 3, 2],
+const FLOAT_FITS: [FloatFit; 11] = [
+    [11, 2, 9, 1, 3, 2, 0],
+    [11, 2, 9, 1, 3, 1, 0],
+    [11, 2, 9, 1, 3, 0, 0],
+    [11, 0, 8, 0, 4, 2, 0],
+    [10, -2, 9, 1, 2, 2, 0],
+    [11, 4, 7, 0, 2, 1, 0],
+    [12, 1, 10, 1, 5, 2, 0],
+    [9, 6, 6, 1, 3, 2, 0],
+    [11, 2, 9, 1, 3, 2, 1],
+    [10, -2, 9, 1, 4, 0, 1],
+    [11, 4, 7, 0, 2, 1, 1],
 ];
 
 /// The words of all exact results, from the least, by the rules of docs/book/numbers.md.
-fn exact_words([bits, places, width, signed, kept, rounding]: FloatFit) -> Vec<i64> {
+fn exact_words([bits, places, width, signed, kept, rounding, flush]: FloatFit) -> Vec<i64> {
     let magnitude_bits = width - signed;
     let is_reserved = (magnitude_bits - kept + 2).count_ones() == 1;
     let most = ((1i64 << kept) - 1 - i64::from(is_reserved)) << (magnitude_bits - kept);
@@ -260,7 +283,10 @@ fn exact_words([bits, places, width, signed, kept, rounding]: FloatFit) -> Vec<i
             1 => 2 * rest >= step,
             _ => 2 * rest > step || 2 * rest == step && whole % 2 == 1,
         };
-        let magnitude = ((whole + i64::from(goes_up)) * (step / unit)).min(most);
+        let mut magnitude = ((whole + i64::from(goes_up)) * (step / unit)).min(most);
+        if flush == 1 && magnitude < 1 << (kept - 1) {
+            magnitude = 0;
+        }
         match (exact < 0, signed) {
             (false, _) => magnitude,
             (true, 1) => -magnitude,
@@ -273,13 +299,14 @@ fn exact_words([bits, places, width, signed, kept, rounding]: FloatFit) -> Vec<i
 }
 
 /// The words that this text of fit_float.sv gives for all exact results.
-fn words_by_rtl(text: &str, [bits, places, width, signed, kept, rounding]: FloatFit) -> Vec<i64> {
+fn words_by_rtl(text: &str, fit: FloatFit) -> Vec<i64> {
+    let [bits, places, width, signed, kept, rounding, flush] = fit;
     let folder = tempfile::tempdir().unwrap();
     let bench = format!(
         "module bench;\n\
          logic signed [{bits}-1:0] exact;\n\
          wire [{width}-1:0] word;\n\
-         fit_float #(.IN_W({bits}), .PLACES({places}), .W({width}), .S({signed}), .P({kept}), .ROUND({rounding})) fit (.exact(exact), .word(word));\n\
+         fit_float #(.IN_W({bits}), .PLACES({places}), .W({width}), .S({signed}), .P({kept}), .ROUND({rounding}), .FLUSH({flush})) fit (.exact(exact), .word(word));\n\
          initial for (int i = -(1 << ({bits} - 1)); i < 1 << ({bits} - 1); i++) begin\n\
          exact = i; #1; $display(\"%0d\", word);\n\
          end\n\
@@ -334,7 +361,9 @@ fn a_fit_to_floating_point_follows_its_rules() {
 }
 
 /// Faults of a fit to a floating-point word: text, and what replaces it.
-const FAULTS_OF_FLOATS: [(&str, &str); 8] = [
+const FAULTS_OF_FLOATS: [(&str, &str); 10] = [
+    ("FLUSH != 0 && ~|(rounded", "~|(rounded"),
+    ("(rounded >> (P - 1))", "(rounded >> P)"),
     ("negative ? -exact : exact", "exact"),
     ("DROPPED_W'(place - P + 1)", "DROPPED_W'(place - P)"),
     ("place = RIGHT + P; place", "place = RIGHT + P + 1; place"),

@@ -1,5 +1,6 @@
 //! Compares fixed-point and floating-point words at equal area: `gaussian` with fewer and fewer
-//! fraction bits, and `fp16` with fewer and fewer significant bits, in the same words.
+//! fraction bits, and `fp16` with fewer and fewer significant bits, in the same words; also with
+//! subnormal numbers flushed to zero.
 //!
 //! ```sh
 //! cargo run --release --example floats -- [FOLDER]
@@ -24,8 +25,9 @@ const SCENES: [&str; 3] = ["glass-spheres", "nested-shells", "bouquet"];
 /// Side of the pictures, pixels.
 const SIDE: usize = 256;
 
-/// A machine with more or fewer bits in the words that `fp16` has in floating point.
-fn finer(base: &Machine, bits: i32) -> Result<Machine> {
+/// A machine with more or fewer bits in the words that `fp16` has in floating point. `flushes`: their
+/// subnormal numbers are flushed to zero.
+fn finer(base: &Machine, bits: i32, flushes: bool) -> Result<Machine> {
     let half = machines::words(&machines::load("fp16", &[])?);
     let is_float = |path: &String| {
         half.iter()
@@ -36,7 +38,11 @@ fn finer(base: &Machine, bits: i32) -> Result<Machine> {
         .filter(|(path, _)| is_float(path))
         .map(|(path, format): (String, Format)| {
             let bits = bits.max(-format.frac_bits);
-            (path, format.finer(bits).to_string().into())
+            let format = Format {
+                flushes,
+                ..format.finer(bits)
+            };
+            (path, format.to_string().into())
         })
         .collect();
     machines::with(base, &changes, "")
@@ -45,11 +51,11 @@ fn finer(base: &Machine, bits: i32) -> Result<Machine> {
 /// Bits of fraction or significand, area, and the error in dB on each scene.
 type Row = (i32, f64, [f64; SCENES.len()]);
 
-fn rows(name: &str, steps: &[i32], width: impl Fn(i32) -> i32) -> Result<Vec<Row>> {
+fn rows(name: &str, steps: &[i32], width: impl Fn(i32) -> i32, flushes: bool) -> Result<Vec<Row>> {
     let base = machines::load(name, &[])?;
     let mut rows = Vec::new();
     for step in steps {
-        let elaborated = fixed::elaborate(&finer(&base, *step)?)?;
+        let elaborated = fixed::elaborate(&finer(&base, *step, flushes)?)?;
         let gates = Cost::new(&elaborated, &DEFAULT).gates;
         let mut errors = [0.0; SCENES.len()];
         for (error, scene) in errors.iter_mut().zip(SCENES) {
@@ -91,12 +97,18 @@ fn main() -> Result<()> {
     std::fs::create_dir_all(&folder)
         .map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
     let fixed: Vec<i32> = (-12..=0).step_by(2).collect();
-    let fixed = rows("gaussian", &fixed, |step| step)?;
+    let fixed = rows("gaussian", &fixed, |step| step, false)?;
     let floats: Vec<i32> = (-6..=0).collect();
-    let floats = rows("fp16", &floats, |step| 11 + step)?;
+    let flushed = rows("fp16", &floats, |step| 11 + step, true)?;
+    let floats = rows("fp16", &floats, |step| 11 + step, false)?;
     println!("| words | bits | kGE | {} |", SCENES.join(" | "));
     println!("|---|---|---|{}", "---|".repeat(SCENES.len()));
-    for (kind, rows) in [("fixed", &fixed), ("float", &floats)] {
+    let all = [
+        ("fixed", &fixed),
+        ("float", &floats),
+        ("float, flushed", &flushed),
+    ];
+    for (kind, rows) in all {
         for (bits, area, errors) in rows {
             let errors = errors.map(|error| format!("{error:.1}")).join(" | ");
             println!("| {kind} | {bits} | {area:.0} | {errors} |");

@@ -149,10 +149,7 @@ impl Elaboration {
     /// Refuses floating-point words.
     pub fn fixed_point(&mut self, unit: &'static str, name: &str, word: Word) {
         self.require(!word.format.is_float(), || {
-            let fits = Format {
-                significant_bits: 0,
-                ..word.format
-            };
+            let fits = word.format.in_fixed_point();
             format!("{unit}.{name} is {word}, but it must be fixed point: {fits} would fit")
         });
     }

@@ -45,11 +45,17 @@ impl Table {
             Interpolation::Nearest => 0,
             Interpolation::Linear => words[i + 1] - words[i],
         };
-        let words: Box<[[i64; 2]]> = (0..steps).map(|i| [words[i], delta(i)]).collect();
+        let fraction_bits = Table::fraction_bits(index_bits, argument_bits);
+        // A ROM whose words are the results has them as they are after the fit.
+        let value = |i: usize| match interpolation {
+            Interpolation::Linear if fraction_bits > 0 => words[i],
+            _ => fit.one(words[i] << fraction_bits),
+        };
+        let words: Box<[[i64; 2]]> = (0..steps).map(|i| [value(i), delta(i)]).collect();
         Table {
             fit,
             interpolation,
-            fraction_bits: Table::fraction_bits(index_bits, argument_bits),
+            fraction_bits,
             short: words
                 .iter()
                 .map(|pair| pair.map(|word| word as i32))

@@ -18,12 +18,7 @@ type Choice = (u8, u16, u16, Word);
 fn words() -> impl Strategy<Value = Word> {
     let format = (any::<bool>(), 1..=31i32, -4..=30i32).prop_map(|(signed, width, frac_bits)| {
         let frac_bits = frac_bits.max(0);
-        Format {
-            signed,
-            int_bits: width - frac_bits,
-            frac_bits,
-            significant_bits: 0,
-        }
+        Format::fixed_point(signed, width - frac_bits, frac_bits)
     });
     let round = prop::sample::select(vec![
         Rounding::Nearest,

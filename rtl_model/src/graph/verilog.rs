@@ -10,6 +10,7 @@
 use super::{Functions, Graph, Node, Operator, Wire};
 use crate::elaboration::Signal;
 use crate::machine::Interpolation;
+use crate::num::Format;
 use crate::num::{Fit, Overflow};
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -525,7 +526,7 @@ impl Writer<'_> {
             word.round.code(),
         );
         let module = if format.is_float() {
-            let _ = write!(shape, ", .P({})", format.significant_bits);
+            shape += &significant(format);
             "fit_float"
         } else {
             let _ = write!(
@@ -560,10 +561,7 @@ impl Writer<'_> {
         self.line(format!("// {name}: {}", fit.word));
         let bits = fit.word.format.width();
         let written = self.word_of(&name, bits, false);
-        let significant = match fit.word.format.significant_bits {
-            0 => String::new(),
-            bits => format!(", .P({bits})"),
-        };
+        let significant = significant(fit.word.format);
         self.line(format!(
             "lookup #(.ARGUMENT_W({argument_bits}), .TABLE_BITS({index_bits}), .LINEAR({}), .W({bits}), .ROUND({}){significant}, .ROM({{ROMS, \"{rom}.hex\"}})) table_n{place} (.argument({argument}[{}:0]), .word({name}_word));",
             u8::from(is_linear),
@@ -685,5 +683,13 @@ impl Writer<'_> {
             let _ = write!(value, "{sign}({})", self.cast(*wire, bits, places));
         }
         self.exponent(place, range, bits, &value)
+    }
+}
+
+/// Parameters of a floating-point word; none in fixed point.
+fn significant(format: Format) -> String {
+    match format.significant_bits {
+        0 => String::new(),
+        bits => format!(", .P({bits}), .FLUSH({})", u8::from(format.flushes)),
     }
 }

@@ -199,7 +199,7 @@ impl Fit {
         let places = self.places + more;
         if places < 0 {
             let left = (-places).min(63) as u32;
-            let exact = self.cut(exact, 0);
+            let exact = self.cut(exact, places);
             let shifted = exact << left;
             return if shifted >> left == exact {
                 self.limit(shifted)
@@ -207,7 +207,7 @@ impl Fit {
                 self.limit_wide(i128::from(exact) << left)
             };
         }
-        self.limit(self.cut(exact, places.min(63) as u32))
+        self.limit(self.cut(exact, places))
     }
 
     /// The words for eight exact results.
@@ -470,10 +470,10 @@ impl Fit {
     pub fn three_shifted_within(&self, exact: [i64; 3], more: i64) -> Option<[i64; 3]> {
         let places = self.places + more;
         let (words, is_held) = if places >= 0 {
-            (three!(i => self.cut(exact[i], places.min(63) as u32)), true)
+            (three!(i => self.cut(exact[i], places)), true)
         } else {
             let left = (-places).min(63);
-            let exact = three!(i => self.cut(exact[i], 0));
+            let exact = three!(i => self.cut(exact[i], places));
             let words = three!(i => exact[i] << left);
             (words, three!(i => words[i] >> left) == exact)
         };
@@ -491,10 +491,10 @@ impl Fit {
     pub fn one_shifted_within(&self, exact: i64, more: i64) -> Option<i64> {
         let places = self.places + more;
         let (word, is_held) = if places >= 0 {
-            (self.cut(exact, places.min(63) as u32), true)
+            (self.cut(exact, places), true)
         } else {
             let left = (-places).min(63);
-            let exact = self.cut(exact, 0);
+            let exact = self.cut(exact, places);
             (exact << left, exact << left >> left == exact)
         };
         (is_held && word == word.max(self.min).min(self.max)).then_some(word)
@@ -511,10 +511,10 @@ impl Fit {
             return self.one_shifted_within(exact, more).is_some();
         }
         let places = self.places + more;
-        let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
-        // One of both shifts is 0. A word that a limit changed, shifted back, differs from the
-        // result or loses bits.
-        self.cut(exact, right) == word >> left && word.trailing_zeros() >= left
+        let left = (-places).clamp(0, 63) as u32;
+        // The word is a result shifted to the right or to the left. One that a limit changed,
+        // shifted back, differs from the result or loses bits.
+        self.cut(exact, places) == word >> left && word.trailing_zeros() >= left
     }
 
     /// Simple, and its words have at most 31 bits, so that [`LimitedWords`] can hold them.
@@ -526,8 +526,10 @@ impl Fit {
     /// Whether a result loses bits below the word's LSB.
     #[inline(always)]
     pub fn is_inexact(&self, exact: i64, more: i64) -> bool {
-        let right = (self.places + more).clamp(0, 63) as u32;
+        let places = self.places + more;
+        let right = places.clamp(0, 63) as u32;
         exact.trailing_zeros() < self.right_of(exact, right)
+            || self.word.format.flushes && exact != 0 && self.cut(exact, places) == 0
     }
 
     /// A result rounded to the word's LSB, before its limits, saturated to 64 bits.
@@ -539,9 +541,9 @@ impl Fit {
     fn rounded(&self, exact: i64, more: i64) -> i128 {
         let places = self.places + more;
         if places < 0 {
-            i128::from(self.cut(exact, 0)) << (-places).min(63)
+            i128::from(self.cut(exact, places)) << (-places).min(63)
         } else {
-            i128::from(self.cut(exact, places.min(63) as u32))
+            i128::from(self.cut(exact, places))
         }
     }
 
@@ -571,13 +573,15 @@ impl Fit {
         }
     }
 
-    /// A result in ulp. A floating-point word rounds its magnitude, to an ulp that depends on it.
+    /// A result shifted to the right by `places`, in ulp; not yet shifted to the left where `places`
+    /// is negative. A floating-point word rounds its magnitude, to an ulp that depends on it.
     #[inline(always)]
-    fn cut(&self, v: i64, right: u32) -> i64 {
+    fn cut(&self, v: i64, places: i64) -> i64 {
         if self.word.format.is_float() {
             cold_path();
-            return self.cut_float(v.into(), right) as i64;
+            return self.cut_float(v.into(), places) as i64;
         }
+        let right = places.clamp(0, 63) as u32;
         let round = match self.word.round {
             Rounding::Truncate => 0,
             Rounding::Nearest => half(right),
@@ -588,7 +592,8 @@ impl Fit {
     }
 
     #[inline(never)]
-    fn cut_float(&self, v: i128, right: u32) -> i128 {
+    fn cut_float(&self, v: i128, places: i64) -> i128 {
+        let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
         let magnitude = v.unsigned_abs();
         let dropped = significant_shift(magnitude, self.word.format.significant_bits, right);
         let kept = magnitude >> dropped;
@@ -600,6 +605,9 @@ impl Fit {
             Rounding::NearestEven => half - 1 + (kept & 1),
         };
         let word = ((magnitude + round) >> dropped << (dropped - right)) as i128;
+        if word << left < i128::from(self.word.format.least_magnitude()) {
+            return 0;
+        }
         if v < 0 { -word } else { word }
     }
 

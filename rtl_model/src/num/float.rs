@@ -10,9 +10,10 @@
 //!            s eeeee ffffffffff                     the stored word: sign, exponent, fraction
 //! ```
 //! A format of m magnitude bits of which s are significant has m − s + 1 exponents. Numbers below
-//! the least of them are subnormal, as in IEEE 754. Where the exponents and the code of subnormal
-//! numbers fill the exponent field, the greatest code is kept for NaN, as in FP8 (E4M3), and the
-//! largest number is one step lower. There are no infinities: a word saturates.
+//! the least of them are subnormal, as in IEEE 754, unless the format flushes them to zero. Where
+//! the exponents and the code of subnormal numbers fill the exponent field, the greatest code is
+//! kept for NaN, as in FP8 (E4M3), and the largest number is one step lower. There are no
+//! infinities: a word saturates.
 //!
 //! Laws: `stored_words_are_those_of_the_crate_half`,
 //! `every_product_and_sum_of_8_bits_is_the_nearest_word`,
@@ -70,6 +71,16 @@ impl Format {
             self.significant_bits
         } else {
             self.width()
+        }
+    }
+
+    /// The least magnitude of a word other than 0.
+    #[inline]
+    pub const fn least_magnitude(self) -> i64 {
+        if self.flushes {
+            1 << (self.significant_bits - 1)
+        } else {
+            1
         }
     }
 
@@ -166,6 +177,9 @@ impl Format {
         if !self.is_float() {
             return word;
         }
+        if word.abs() < self.least_magnitude() {
+            return 0;
+        }
         let shift = significant_shift(word.unsigned_abs().into(), self.significant_bits, 0);
         word.signum() * (word.abs() >> shift << shift)
     }
@@ -174,6 +188,9 @@ impl Format {
     pub fn representable_from(self, word: i64) -> i64 {
         if !self.is_float() {
             return word;
+        }
+        if (1..self.least_magnitude()).contains(&word) {
+            return self.least_magnitude();
         }
         let shift = significant_shift(word.unsigned_abs().into(), self.significant_bits, 0);
         self.representable(word + (1 << shift) - 1)
@@ -186,6 +203,13 @@ impl Format {
                 "`{text}` has {} bits of magnitude: floating point needs at least {}",
                 self.magnitude_bits(),
                 LEAST_SIGNIFICANT_BITS + 1
+            ));
+        }
+        if self.flushes && self.significant_bits > self.frac_bits + 1 {
+            return Err(format!(
+                "`{text}` would flush 1 to zero: {} significant bits or {} fraction bits keep it",
+                self.frac_bits + 1,
+                self.significant_bits - 1
             ));
         }
         if (LEAST_SIGNIFICANT_BITS..=most).contains(&self.significant_bits) {

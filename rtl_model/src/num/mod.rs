@@ -48,26 +48,38 @@ pub struct Format {
     /// Significant bits that a floating-point word keeps, the leading one included; 0 for fixed
     /// point, which keeps all.
     pub significant_bits: i32,
+    /// Whether the subnormal numbers of a floating-point word are flushed to zero.
+    pub flushes: bool,
 }
 
 impl Format {
     /// A signed format `I{int}F{frac}`.
     pub const fn signed(int_bits: i32, frac_bits: i32) -> Self {
-        Format {
-            signed: true,
-            int_bits,
-            frac_bits,
-            significant_bits: 0,
-        }
+        Format::fixed_point(true, int_bits, frac_bits)
     }
 
     /// An unsigned format `U{int}F{frac}`.
     pub const fn unsigned(int_bits: i32, frac_bits: i32) -> Self {
+        Format::fixed_point(false, int_bits, frac_bits)
+    }
+
+    /// A fixed-point format.
+    pub const fn fixed_point(signed: bool, int_bits: i32, frac_bits: i32) -> Self {
         Format {
-            signed: false,
+            signed,
             int_bits,
             frac_bits,
             significant_bits: 0,
+            flushes: false,
+        }
+    }
+
+    /// The fixed-point format that a floating-point word is based on.
+    pub const fn in_fixed_point(self) -> Self {
+        Format {
+            significant_bits: 0,
+            flushes: false,
+            ..self
         }
     }
 
@@ -141,15 +153,20 @@ impl Format {
 
 impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some((name, _)) = float::NAMED.iter().find(|(_, format)| format == self) {
-            return f.write_str(name);
+        let kept = Format {
+            flushes: false,
+            ..*self
+        };
+        if let Some((name, _)) = float::NAMED.iter().find(|(_, format)| *format == kept) {
+            f.write_str(name)?;
+        } else {
+            let sign = if self.signed { 'I' } else { 'U' };
+            write!(f, "{sign}{}F{}", self.int_bits, self.frac_bits)?;
+            if self.is_float() {
+                write!(f, "S{}", self.significant_bits)?;
+            }
         }
-        let sign = if self.signed { 'I' } else { 'U' };
-        write!(f, "{sign}{}F{}", self.int_bits, self.frac_bits)?;
-        if self.is_float() {
-            write!(f, "S{}", self.significant_bits)?;
-        }
-        Ok(())
+        f.write_str(if self.flushes { "N" } else { "" })
     }
 }
 
@@ -157,12 +174,16 @@ impl FromStr for Format {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Some((_, format)) = float::NAMED.iter().find(|(name, _)| *name == text) {
-            return Ok(*format);
+        let (kept, flushes) = match text.strip_suffix('N') {
+            Some(kept) => (kept, true),
+            None => (text, false),
+        };
+        if let Some((_, format)) = float::NAMED.iter().find(|(name, _)| *name == kept) {
+            return Ok(Format { flushes, ..*format });
         }
         let shape = || {
             format!(
-                "`{text}` is not a format: write U or I, integer bits, F, fraction bits, as in U3F13 or I10F6; for floating point FP16, FP8(E4M3), FP8(E5M2), or S and significant bits, as in I8F24S11"
+                "`{text}` is not a format: write U or I, integer bits, F, fraction bits, as in U3F13 or I10F6; for floating point FP16, FP8(E4M3), FP8(E5M2), or S and significant bits, as in I8F24S11; N behind floating point flushes subnormal numbers to zero"
             )
         };
         let signed = match text.chars().next() {
@@ -170,7 +191,7 @@ impl FromStr for Format {
             Some('U') => false,
             _ => return Err(shape()),
         };
-        let (int_bits, frac_bits) = text[1..].split_once('F').ok_or_else(shape)?;
+        let (int_bits, frac_bits) = kept[1..].split_once('F').ok_or_else(shape)?;
         let number = |digits: &str| match digits.parse::<i16>() {
             Ok(number) if !digits.starts_with('+') => Ok(i32::from(number)),
             _ => Err(shape()),
@@ -184,10 +205,13 @@ impl FromStr for Format {
             int_bits: number(int_bits)?,
             frac_bits: number(frac_bits)?,
             significant_bits: significant_bits.unwrap_or(0),
+            flushes,
         };
         format.check(text)?;
-        if significant_bits.is_some() {
-            format.check_float(text)?;
+        match significant_bits {
+            Some(_) => format.check_float(text)?,
+            None if flushes => return Err(shape()),
+            None => {}
         }
         Ok(format)
     }
@@ -372,16 +396,20 @@ impl fmt::Display for Word {
 /// with the number of fraction bits: `I4F22` has 26 bits; `U-2F16` has 14 bits, and its values are
 /// from 0 to below 0.25. In floating point `S` and the number of significant bits follow:
 /// `I8F24S11` has 11, from −128 to 128, and is 0 below 2^−25. `FP16` is `I17F24S11`, `FP8(E4M3)`
-/// `I10F9S4`, and `FP8(E5M2)` `I17F16S3`.
+/// `I10F9S4`, and `FP8(E5M2)` `I17F16S3`. An `N` behind a floating-point format (only normal
+/// numbers) flushes subnormal numbers to zero: `FP16N` is 0 below 2^−14.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum WordText {
     /// A format with the default rounding (nearest) and overflow (saturate), such as `U3F13`,
     /// `I10F6`, `U-2F14`.
-    Short(#[schemars(regex(pattern = r"^([UI]-?\d+F\d+(S\d+)?|FP16|FP8\((E4M3|E5M2)\))$"))] String),
+    Short(
+        #[schemars(regex(pattern = r"^([UI]-?\d+F\d+(S\d+N?)?|FP16N?|FP8\((E4M3|E5M2)\)N?)$"))]
+        String,
+    ),
     /// A format with its rounding and overflow.
     Long {
-        #[schemars(regex(pattern = r"^([UI]-?\d+F\d+(S\d+)?|FP16|FP8\((E4M3|E5M2)\))$"))]
+        #[schemars(regex(pattern = r"^([UI]-?\d+F\d+(S\d+N?)?|FP16N?|FP8\((E4M3|E5M2)\)N?)$"))]
         format: String,
         /// Left out, `nearest`; in floating point `nearest-even`.
         #[serde(default)]

@@ -10,14 +10,19 @@ impl Format {
     }
 
     /// Greatest distance between two neighbouring words up to a magnitude, in places of the format:
-    /// 1 in fixed point.
+    /// 1 in fixed point. Half of it bounds the error of a result that is flushed to zero, too.
     #[inline]
     pub fn ulp_at(self, most: f64) -> f64 {
         if !self.is_float() {
             return 1.0;
         }
         let most = (most * power_of_two(self.frac_bits)).min(self.max() as f64);
-        power_of_two((floor_log2(most) - self.significant_bits + 1).max(0))
+        let ulp = power_of_two((floor_log2(most) - self.significant_bits + 1).max(0));
+        if self.flushes {
+            ulp.max(2.0 * self.least_magnitude() as f64)
+        } else {
+            ulp
+        }
     }
 }
 
@@ -35,11 +40,16 @@ impl Word {
         }
         let ulp = power_of_two((floor_log2(places.abs()) - format.significant_bits + 1).max(0));
         let ulps = places / ulp;
-        ulp * match self.round {
-            Rounding::Truncate => ulps.trunc(),
-            Rounding::Nearest => ulps.round(),
-            Rounding::NearestEven => ulps.round_ties_even(),
+        let rounded = ulp
+            * match self.round {
+                Rounding::Truncate => ulps.trunc(),
+                Rounding::Nearest => ulps.round(),
+                Rounding::NearestEven => ulps.round_ties_even(),
+            };
+        if rounded.abs() < format.least_magnitude() as f64 {
+            return 0.0;
         }
+        rounded
     }
 
     /// Greatest error downwards and upwards, in ulp: half an ulp each, or a whole one for

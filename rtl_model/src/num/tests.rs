@@ -5,15 +5,13 @@ use proptest::prelude::*;
 
 /// Every format up to `width` bits, with points inside and well outside the word.
 pub fn formats(width: std::ops::RangeInclusive<i32>) -> impl Strategy<Value = Format> {
-    (any::<bool>(), width, 0..=MAX_FRACTION_BITS).prop_map(|(signed, width, frac_bits)| Format {
-        signed,
-        int_bits: width - frac_bits,
-        frac_bits,
-        significant_bits: 0,
+    (any::<bool>(), width, 0..=MAX_FRACTION_BITS).prop_map(|(signed, width, frac_bits)| {
+        Format::fixed_point(signed, width - frac_bits, frac_bits)
     })
 }
 
-/// A third of the formats as floating point, with at least 2 significant bits.
+/// A third of the formats as floating point, with at least 2 significant bits. Some flush subnormal
+/// numbers.
 pub fn also_floating(format: Format, pick: u32) -> Format {
     let most = (format.magnitude_bits() - 1).min(float::MAX_SIGNIFICANT_BITS);
     let significant_bits = if pick.is_multiple_of(3) && most >= 2 {
@@ -21,8 +19,10 @@ pub fn also_floating(format: Format, pick: u32) -> Format {
     } else {
         0
     };
+    let is_one_normal = significant_bits <= format.frac_bits + 1;
     Format {
         significant_bits,
+        flushes: significant_bits > 0 && is_one_normal && pick.is_multiple_of(2),
         ..format
     }
 }
@@ -47,12 +47,7 @@ fn every_valid_format_reads_back_what_it_writes() {
     for frac_bits in 0..=MAX_FRACTION_BITS {
         for width in 1..=MAX_WIDTH_BITS {
             for signed in [false, true] {
-                let format = Format {
-                    signed,
-                    int_bits: width - frac_bits,
-                    frac_bits,
-                    significant_bits: 0,
-                };
+                let format = Format::fixed_point(signed, width - frac_bits, frac_bits);
                 assert_eq!(format.to_string().parse(), Ok(format));
             }
         }

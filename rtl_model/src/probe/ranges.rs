@@ -155,9 +155,10 @@ impl Range {
         };
         // As many bits are left as are significant: it is in fixed point.
         let is_fixed = narrowest.magnitude_bits() <= format.significant_bits;
-        Some(Format {
-            significant_bits: if is_fixed { 0 } else { format.significant_bits },
-            ..narrowest
+        Some(if is_fixed {
+            narrowest.in_fixed_point()
+        } else {
+            narrowest
         })
     }
 }

@@ -26,12 +26,7 @@ fn words() -> impl Strategy<Value = Word> {
     let overflow = prop_oneof![Just(Overflow::Saturate), Just(Overflow::Wrap)];
     (any::<bool>(), -4..14i32, 6..20i32, rounding, overflow).prop_map(
         |(signed, int_bits, frac_bits, round, overflow)| Word {
-            format: Format {
-                signed,
-                int_bits,
-                frac_bits,
-                significant_bits: 0,
-            },
+            format: Format::fixed_point(signed, int_bits, frac_bits),
             round,
             overflow,
         },

@@ -325,7 +325,11 @@ impl Near {
             self.most()
         };
         let ulp = coarse.max(binade * power_of_two(1 - format.significant_bits));
-        let [down, up] = word.loss().map(|ulps| ulps * ulp);
+        // Results below the least normal number can be flushed to zero.
+        let least = format.least_magnitude() as f64 * coarse;
+        let is_flushed = format.flushes && self.low().max(-self.high()) < least;
+        let flushed = if is_flushed { least } else { 0.0 };
+        let [down, up] = word.loss().map(|ulps| flushed.max(ulps * ulp));
         let (low, high) = (self.low() - down, self.high() + up);
         let ends = [format.min() as f64, format.max() as f64];
         self.at_limits(word, [low, high], ends, [fine, coarse])

@@ -214,12 +214,7 @@ fn saturating_if_float(format: Format, overflow: Overflow) -> Overflow {
 }
 
 fn some_fit(rng: &mut Rng) -> Fit {
-    let format = Format {
-        signed: true,
-        int_bits: 2 + rng.below(5) as i32,
-        frac_bits: rng.below(12) as i32,
-        significant_bits: 0,
-    };
+    let format = Format::fixed_point(true, 2 + rng.below(5) as i32, rng.below(12) as i32);
     let format = also_floating(format, rng.below(90) as u32);
     let round = rng.one_of(&[Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
     let overflow = rng.one_of(&[Overflow::Saturate, Overflow::Saturate, Overflow::Wrap]);
@@ -353,25 +348,14 @@ fn near_holds_every_outcome() {
 /// them, and is tight.
 #[test]
 fn a_fit_is_within_its_bound() {
-    for (int_bits, frac_bits, signed, significant_bits) in [
-        (1, 3, false, 0),
-        (3, 2, true, 0),
-        (2, 0, true, 0),
-        (1, 8, true, 0),
-        (0, 4, false, 0),
-        (3, 6, true, 3),
-        (1, 8, false, 4),
-        (4, 2, true, 2),
+    for format in [
+        "U1F3", "I3F2", "I2F0", "I1F8", "U0F4", "I3F6S3", "U1F8S4", "I4F2S2", "I3F6S3N", "U1F8S4N",
+        "I4F2S2N",
     ] {
         for round in [Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven] {
             for overflow in [Overflow::Saturate, Overflow::Wrap] {
                 let word = Word {
-                    format: Format {
-                        signed,
-                        int_bits,
-                        frac_bits,
-                        significant_bits,
-                    },
+                    format: format.parse().unwrap(),
                     round,
                     overflow,
                 };

@@ -170,23 +170,13 @@ fn word(format: Format, long: Option<&Value>, m: &Mutation) -> Value {
 /// A word as wide as a port can be, with the binary point anywhere.
 fn wide(signed: bool, m: &Mutation) -> Format {
     let frac_bits = m.second.rem_euclid(MAX_FRACTION_BITS + 1);
-    Format {
-        signed,
-        int_bits: 29 + m.first.rem_euclid(4) - frac_bits,
-        frac_bits,
-        significant_bits: 0,
-    }
+    Format::fixed_point(signed, 29 + m.first.rem_euclid(4) - frac_bits, frac_bits)
 }
 
 fn anything(m: &Mutation) -> Format {
     let width = m.first.rem_euclid(MAX_WIDTH_BITS) + 1;
     let frac_bits = m.second.rem_euclid(MAX_FRACTION_BITS + 1);
-    Format {
-        signed: m.first % 2 == 0,
-        int_bits: width - frac_bits,
-        frac_bits,
-        significant_bits: 0,
-    }
+    Format::fixed_point(m.first % 2 == 0, width - frac_bits, frac_bits)
 }
 
 /// The same word with fewer significant bits; unchanged where it is too narrow.
@@ -196,8 +186,10 @@ fn floating(format: Format, m: &Mutation) -> Format {
     if span <= 0 {
         return format;
     }
+    let significant_bits = LEAST_SIGNIFICANT_BITS + m.second.rem_euclid(span);
     Format {
-        significant_bits: LEAST_SIGNIFICANT_BITS + m.second.rem_euclid(span),
+        significant_bits,
+        flushes: m.first % 2 == 0 && significant_bits <= format.frac_bits + 1,
         ..format
     }
 }
@@ -205,10 +197,9 @@ fn floating(format: Format, m: &Mutation) -> Format {
 /// The nearest format that can be modelled.
 fn valid(signed: bool, int_bits: i32, frac_bits: i32) -> Format {
     let frac_bits = frac_bits.clamp(0, MAX_FRACTION_BITS);
-    Format {
+    Format::fixed_point(
         signed,
-        int_bits: int_bits.clamp(1 - frac_bits, MAX_WIDTH_BITS - frac_bits),
+        int_bits.clamp(1 - frac_bits, MAX_WIDTH_BITS - frac_bits),
         frac_bits,
-        significant_bits: 0,
-    }
+    )
 }

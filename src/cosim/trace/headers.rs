@@ -419,7 +419,7 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
         ""
     };
     let floats = if has_floats(machine, Kind::of(frame)) {
-        "// Floating-point words: also _P significant bits. The bits are sign, exponent e and fraction f; the value is f*2^-F if e is 0, else (2^(P-1) + f)*2^(e-1-F).\n"
+        "// Floating-point words: also _P significant bits, and _FLUSH 1 if subnormal words are flushed to zero. The bits are sign, exponent e and fraction f; the value is f*2^-F if e is 0, else (2^(P-1) + f)*2^(e-1-F).\n"
     } else {
         ""
     };
@@ -444,10 +444,13 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
             ("ROUND", round.into()),
             ("WRAP", (word.overflow == Overflow::Wrap).into()),
         ];
-        let significant = format.is_float().then_some(("P", format.significant_bits));
+        let of_float = [
+            ("P", format.significant_bits),
+            ("FLUSH", format.flushes.into()),
+        ];
         let lines: Vec<String> = parts
             .into_iter()
-            .chain(significant)
+            .chain(of_float.into_iter().filter(|_| format.is_float()))
             .map(|(part, value)| format!("localparam int {name}_{part} = {value};"))
             .collect();
         let _ = writeln!(text, "  {}", lines.join(" "));
@@ -626,12 +629,15 @@ fn meaning(field: &Field) -> String {
 /// Every word and every number, for the manifest.
 pub fn words_and_numbers(machine: &Elaborated, frame: &Frame) -> serde_json::Value {
     let described = words(machine, Kind::of(frame)).into_iter().map(|(path, word)| {
-        let Format { signed, int_bits, frac_bits, significant_bits } = word.format;
+        let Format { signed, int_bits, frac_bits, significant_bits, flushes } = word.format;
         let mut entry = serde_json::json!({
             "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits, "round": word.round, "overflow": word.overflow,
         });
         if significant_bits > 0 {
             entry["significant_bits"] = significant_bits.into();
+        }
+        if flushes {
+            entry["flushes_subnormals"] = true.into();
         }
         (path, entry)
     });
@@ -726,13 +732,16 @@ pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
 pub fn fields(stream: &Stream, kind: Kind) -> Vec<serde_json::Value> {
     let codes = codes(kind);
     let described = stream.fields.iter().zip(stream.places()).map(|(field, place)| {
-        let Format { signed, int_bits, frac_bits, significant_bits } = field.word.format;
+        let Format { signed, int_bits, frac_bits, significant_bits, flushes } = field.word.format;
         let full_name = format!("{}.{}", stream.name, field.name);
         let mut entry = serde_json::json!({
             "name": field.name, "lsb": place, "width": field.width(), "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits,
         });
         if significant_bits > 0 {
             entry["significant_bits"] = significant_bits.into();
+        }
+        if flushes {
+            entry["flushes_subnormals"] = true.into();
         }
         if let Some(signal) = &field.signal {
             entry["signal"] = signal.clone().into();

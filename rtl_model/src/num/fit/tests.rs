@@ -120,12 +120,7 @@ fn fit_agrees_with_exact_rationals() {
             if frac_bits < 0 {
                 continue;
             }
-            let format = Format {
-                signed,
-                int_bits,
-                frac_bits,
-                significant_bits: 0,
-            };
+            let format = Format::fixed_point(signed, int_bits, frac_bits);
             for (round, overflow) in ROUNDINGS
                 .into_iter()
                 .flat_map(|round| OVERFLOWS.map(|overflow| (round, overflow)))
@@ -241,7 +236,7 @@ proptest! {
         let source = FixedI64::<U20>::from_bits(bits);
         macro_rules! agrees {
             ($($target:ty, $signed:expr, $int_bits:expr, $frac_bits:expr;)*) => {$(
-                let word = Word::new(Format { signed: $signed, int_bits: $int_bits, frac_bits: $frac_bits, significant_bits: 0 }).rounded(Rounding::Truncate);
+                let word = Word::new(Format::fixed_point($signed, $int_bits, $frac_bits)).rounded(Rounding::Truncate);
                 let fit = |overflow| Fit::new(0, word.overflowing(overflow), shape(20)).one(bits);
                 prop_assert_eq!(fit(Overflow::Wrap), i64::from(<$target>::wrapping_from_num(source).to_bits()));
                 prop_assert_eq!(fit(Overflow::Saturate), i64::from(<$target>::saturating_from_num(source).to_bits()));

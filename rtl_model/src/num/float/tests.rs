@@ -35,6 +35,15 @@ fn values(exponent_bits: i32, fraction_bits: i32, least_exponent: i32, greatest:
     values
 }
 
+/// A number; 0 below the least normal one.
+fn flushed(value: f64, least_exponent: i32) -> f64 {
+    if value.abs() < 2f64.powi(least_exponent) {
+        0.0
+    } else {
+        value
+    }
+}
+
 /// The nearest of some numbers in ascending order from 0 on, which have alternating last bits.
 fn nearest(values: &[f64], of: f64) -> f64 {
     let magnitude = of.abs();
@@ -68,6 +77,11 @@ fn named_formats_have_the_fields_and_limits_of_their_standards() {
     assert_eq!(fields("FP8(E5M2)"), (8, 5, 57344.0, 2f64.powi(-16)));
     assert_eq!(format("I17F24S11").to_string(), "FP16");
     assert_eq!(format("U1F24S11").to_string(), "U1F24S11");
+    assert_eq!(fields("FP16N"), fields("FP16"));
+    for text in ["FP16N", "FP8(E4M3)N", "U1F24S11N"] {
+        assert_eq!(format(text).to_string(), text);
+    }
+    assert_eq!(format("I17F24S11N").to_string(), "FP16N");
     // 25 magnitude bits, 15 exponents and the code of subnormal numbers: 4 + 10 bits.
     assert_eq!(format("U1F24S11").stored_bits(), 14);
 }
@@ -107,18 +121,21 @@ const HALVES: [&str; 2] = ["I16F16S3", "I17F15S3"];
 fn every_product_and_sum_of_8_bits_is_the_nearest_word() {
     let e4m3 = values(4, 3, -6, 448.0);
     let e5m2 = values(5, 2, -14, 57344.0);
-    for (numbers, result, factors) in [
-        (e4m3, "FP8(E4M3)", ["FP8(E4M3)"; 2]),
-        (e5m2, "FP8(E5M2)", HALVES),
+    for (numbers, name, factors, least_exponent) in [
+        (e4m3, "FP8(E4M3)", ["FP8(E4M3)"; 2], -6),
+        (e5m2, "FP8(E5M2)", HALVES, -14),
     ] {
-        let result = format(result);
+        let (result, flushing) = (format(name), format(&format!("{name}N")));
         let factors = factors.map(format);
         let least = factors.map(|format| format.value(1));
         // The first format holds small numbers, the second large ones.
         let half = |value: f64| usize::from(value.abs() > factors[0].value(factors[0].max()));
         let graphs = [0, 1].map(|a| {
-            [0, 1]
-                .map(|b| [TIMES, PLUS].map(|each| rounded(each, [factors[a], factors[b]], result)))
+            [0, 1].map(|b| {
+                [TIMES, PLUS].map(|each| {
+                    [result, flushing].map(|result| rounded(each, [factors[a], factors[b]], result))
+                })
+            })
         });
         let signed: Vec<f64> = numbers.iter().flat_map(|value| [*value, -value]).collect();
         for a in &signed {
@@ -131,9 +148,14 @@ fn every_product_and_sum_of_8_bits_is_the_nearest_word() {
                         .zip(halves)
                         .all(|(x, half)| x % least[half] == 0.0)
                 );
-                for (graph, exact) in graphs[halves[0]][halves[1]].iter().zip([a * b, a + b]) {
-                    let made = made(graph, formats, [*a, *b], result);
-                    assert_eq!(made, nearest(&numbers, exact), "{a} and {b}: {exact}");
+                for (graphs, exact) in graphs[halves[0]][halves[1]].iter().zip([a * b, a + b]) {
+                    let [kept, normal] = graphs
+                        .each_ref()
+                        .map(|graph| made(graph, formats, [*a, *b], result));
+                    let expected = nearest(&numbers, exact);
+                    assert_eq!(kept, expected, "{a} and {b}: {exact}");
+                    let expected = flushed(expected, least_exponent);
+                    assert_eq!(normal, expected, "{a} and {b}, without subnormals: {exact}");
                 }
             }
         }
@@ -149,10 +171,12 @@ fn products_and_sums_of_16_bits_are_those_of_the_crate_half() {
     let result = format("FP16");
     let most = f16::MAX.to_f64();
     let mut state = 1u64;
-    let mut pairs = [0; 3];
+    let (mut pairs, mut flushes) = ([0; 3], 0);
     let ranges = RANGES.map(format);
     let products = [0, 1].map(|a| [0, 1].map(|b| rounded(TIMES, [ranges[a], ranges[b]], result)));
     let sum = rounded(PLUS, [result; 2], result);
+    let normal_sum = rounded(PLUS, [result; 2], format("FP16N"));
+    let least_exponent = f16::MIN_POSITIVE.to_f64().log2() as i32;
     // The crate rounds f64 to FP16 once.
     let expected = |exact: f64| f16::from_f64(exact).to_f64().clamp(-most, most);
     for _ in 0..PAIRS {
@@ -166,6 +190,10 @@ fn products_and_sums_of_16_bits_are_those_of_the_crate_half() {
         let [a, b] = numbers.map(f16::to_f64);
         let made_sum = made(&sum, [result; 2], [a, b], result);
         assert_eq!(made_sum, expected(a + b), "{a} + {b}");
+        let normal = made(&normal_sum, [result; 2], [a, b], result);
+        let expected_normal = flushed(expected(a + b), least_exponent);
+        assert_eq!(normal, expected_normal, "{a} + {b}, without subnormals");
+        flushes += u32::from(made_sum != normal);
         pairs[2] += 1;
         let range = [a, b].map(|x| {
             ranges.iter().position(|format| {
@@ -181,6 +209,7 @@ fn products_and_sums_of_16_bits_are_those_of_the_crate_half() {
         pairs[usize::from(of_a + of_b > 0)] += 1;
     }
     assert!(pairs.iter().all(|count| *count > PAIRS / 10), "{pairs:?}");
+    assert!(flushes > 10_000, "{flushes}");
 }
 
 #[test]
@@ -220,16 +249,22 @@ fn every_stored_word_of_8_bits_reads_back() {
 
 #[test]
 fn a_word_has_a_representable_one_on_each_side() {
-    let format = format("FP8(E4M3)");
-    let words: Vec<i64> = (0..=format.max())
-        .filter(|word| format.restored(format.stored(*word)) == *word)
-        .collect();
-    assert_eq!(words.len(), 127);
-    for word in 0..=format.max() {
-        let below = words.iter().rfind(|other| **other <= word).copied();
-        let from = words.iter().find(|other| **other >= word).copied();
-        assert_eq!(Some(format.representable(word)), below);
-        assert_eq!(Some(format.representable_from(word)), from, "{word}");
+    // Without the 7 subnormal numbers.
+    for (text, numbers) in [("FP8(E4M3)", 127), ("FP8(E4M3)N", 120)] {
+        let format = format(text);
+        let is_kept = |word: &i64| !format.flushes || *word == 0 || *word >= 8;
+        let words: Vec<i64> = (0..=format.max())
+            .filter(|word| format.restored(format.stored(*word)) == *word)
+            .filter(is_kept)
+            .collect();
+        assert_eq!(words.len(), numbers);
+        for word in 0..=format.max() {
+            let below = words.iter().rfind(|other| **other <= word).copied();
+            let from = words.iter().find(|other| **other >= word).copied();
+            assert_eq!(Some(format.representable(word)), below);
+            assert_eq!(Some(format.representable(-word)), below.map(|word| -word));
+            assert_eq!(Some(format.representable_from(word)), from, "{word}");
+        }
     }
 }
 
@@ -252,6 +287,13 @@ fn floating_point_words_that_cannot_be_modelled_are_refused() {
     assert!(refusal("I8F24S").contains("is not a format"));
     assert!(refusal("I8F24S0").contains("significant bits"));
     assert!(refusal("FP8").contains("FP8(E4M3)"));
+    for fixed in ["I8F24N", "N", "FP16NN", "I8F24NS11"] {
+        assert!(refusal(fixed).contains("is not a format"), "{fixed}");
+    }
+    assert_eq!(
+        refusal("I17F3S11N"),
+        "`I17F3S11N` would flush 1 to zero: 4 significant bits or 10 fraction bits keep it"
+    );
     let wraps = serde_json::from_str::<Word>(r#"{"format": "FP16", "overflow": "wrap"}"#);
     assert!(wraps.unwrap_err().to_string().contains("can only saturate"));
 }
@@ -274,13 +316,14 @@ proptest! {
         exact in -(1i64 << 40)..1 << 40,
         frac_bits in 0..=40i32,
         name in prop::sample::select(vec!["FP8(E4M3)", "FP8(E5M2)"]),
+        flushes in any::<bool>(),
         more in -20..20i64,
     ) {
-        let numbers = match name {
-            "FP8(E4M3)" => values(4, 3, -6, 448.0),
-            _ => values(5, 2, -14, 57344.0),
+        let (numbers, least_exponent) = match name {
+            "FP8(E4M3)" => (values(4, 3, -6, 448.0), -6),
+            _ => (values(5, 2, -14, 57344.0), -14),
         };
-        let format = format(name);
+        let format = Format { flushes, ..format(name) };
         let value = exact as f64 * 2f64.powi(-frac_bits - more as i32);
         let below = numbers.partition_point(|number| *number <= value.abs()).saturating_sub(1);
         let expected = [
@@ -288,6 +331,7 @@ proptest! {
             (Rounding::NearestEven, nearest(&numbers, value)),
         ];
         for (round, expected) in expected {
+            let expected = if flushes { flushed(expected, least_exponent) } else { expected };
             let word = Word { format, round, overflow: Overflow::Saturate };
             let fit = Fit::new(0, word, Exact { int_bits: 40 - frac_bits, frac_bits });
             let made = fit.one_shifted(exact, more);

@@ -20,12 +20,7 @@ fn words() -> impl Strategy<Value = Word> {
     let overflow = prop::sample::select(vec![Overflow::Saturate, Overflow::Wrap]);
     (any::<bool>(), 0..24, 2..24, round, overflow, any::<u32>()).prop_map(
         |(signed, frac_bits, width, round, overflow, pick)| {
-            let format = Format {
-                signed,
-                int_bits: width - frac_bits,
-                frac_bits,
-                significant_bits: 0,
-            };
+            let format = Format::fixed_point(signed, width - frac_bits, frac_bits);
             let format = match overflow {
                 Overflow::Saturate => also_floating(format, pick),
                 Overflow::Wrap => format,

@@ -71,6 +71,7 @@ impl Fragment {
         slot.frac_bits >= shaded.frac_bits
             && slot.value(slot.max()) >= shaded.value(shaded.max())
             && slot.kept_bits() >= shaded.kept_bits()
+            && slot.value(slot.least_magnitude()) <= shaded.value(shaded.least_magnitude())
     }
 
     /// A shaded slot's colour times opacity, and opacity, as a merge or resolve reads them.

@@ -10,12 +10,7 @@ use proptest::prelude::*;
 /// A machine with wide words.
 fn machine(sight: Sight) -> Machine {
     let word = |signed: bool, int_bits: i32, frac_bits: i32| {
-        Word::new(Format {
-            signed,
-            int_bits,
-            frac_bits,
-            significant_bits: 0,
-        })
+        Word::new(Format::fixed_point(signed, int_bits, frac_bits))
     };
     let reflect = Description {
         sight,
