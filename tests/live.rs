@@ -1016,3 +1016,29 @@ fn the_words_of_a_record_are_those_that_the_machine_rounds() {
         }
     }
 }
+
+/// A subnormal word of an input is not read as zero, nor as itself.
+#[test]
+fn a_subnormal_word_is_refused_by_a_format_without_them() {
+    let text = bouquet(20, 16, &json!({}));
+    for (format, refused) in [
+        ("U3F22S11", None),
+        (
+            "U3F22S11N",
+            Some("field amplitude: 1023, and U3F22S11N has no subnormal numbers"),
+        ),
+    ] {
+        let machine = machine("fp16", &[&format!("ellipse.amplitude={format}")]);
+        let constants = constants(&text, &machine);
+        let unit = Unit::new(&constants, "gauss").unwrap();
+        let check = |amplitude: i64| {
+            let word = |name: &str| i64::from(name == "amplitude") * amplitude;
+            let fields = unit.input.stream.fields.iter();
+            let words: Vec<i64> = fields.map(|field| word(&field.name)).collect();
+            unit.check(&words).map_err(|refused| refused.to_string())
+        };
+        assert!(check(1024).is_ok() && check(0).is_ok(), "{format}");
+        let answer = check(1023).err();
+        assert_eq!(answer.as_deref(), refused, "{format}");
+    }
+}
