@@ -269,6 +269,20 @@ fn a_word_has_a_representable_one_on_each_side() {
 }
 
 #[test]
+fn a_word_that_is_flushed_is_inexact() {
+    let format = format("FP8(E4M3)N");
+    let exact_shape = Exact {
+        int_bits: 9,
+        frac_bits: 12,
+    };
+    let fit = Fit::new(0, Word::new(format), exact_shape);
+    for exact in -256..=256 {
+        let is_kept = format.value(fit.one(exact)) * 4096.0 == exact as f64;
+        assert_eq!(fit.loss(exact, 0).inexact, !is_kept, "{exact}");
+    }
+}
+
+#[test]
 fn floating_point_words_that_cannot_be_modelled_are_refused() {
     let refusal = |text: &str| text.parse::<Format>().expect_err(text);
     assert_eq!(
