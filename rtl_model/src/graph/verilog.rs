@@ -10,8 +10,7 @@
 use super::{Functions, Graph, Node, Operator, Wire};
 use crate::elaboration::Signal;
 use crate::machine::Interpolation;
-use crate::num::Format;
-use crate::num::{Fit, Overflow};
+use crate::num::{Fit, Format, Overflow};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
