@@ -1,5 +1,5 @@
-//! splatsim: the bench around `rtl_model`. It contains floats, files, comparison and the command
-//! line; the machine contains none of these.
+//! splatsim: the bench around the machine (`rtl_model`) and the exact renderers (`golden_model`). It
+//! converts scenes into words, compares pictures, counts cycles, and has the command line.
 //!
 //! ```
 //! use splatsim::hardware::machines;
@@ -29,22 +29,7 @@ pub mod cosim;
 
 pub mod performance;
 
-pub mod accuracy;
-
-pub mod hardware;
-
-pub mod golden;
-
-pub mod sampling;
-
-pub mod scene;
-
-pub mod input;
-
-pub mod output;
-
-pub mod error;
-
-#[cfg(test)]
-#[path = "../tests/shared_input/mod.rs"]
-mod shared_input;
+#[doc(inline)]
+pub use comparison::{accuracy, hardware};
+#[doc(inline)]
+pub use golden_model::{error, golden, input, output, sampling, scene};

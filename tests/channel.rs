@@ -43,7 +43,8 @@ const SIZE: (usize, usize) = (96, 72);
 /// Work of the reference machine for a built-in scene with its own view, optionally with fewer
 /// splats.
 fn record(name: &str, count: Option<usize>, size: Option<(usize, usize)>) -> Work {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("src/scene/builtin/{name}.json"));
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join(format!("golden_model/src/scene/builtin/{name}.json"));
     let mut scene: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(own).unwrap()).unwrap();
     if let Some(count) = count {

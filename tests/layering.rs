@@ -345,17 +345,17 @@ fn neighbours_over_the_reals(code: &str) -> Vec<String> {
     steps.chain(outside).chain(above).collect()
 }
 
-/// Layers of a crate, top to bottom: each names only those below it.
+/// Layers of one or several crates, top to bottom: each names only those below it.
 struct Layers {
-    folder: &'static str,
+    folders: &'static [&'static str],
     layers: &'static [&'static str],
-    /// Files outside the folders: those of the crate itself, and the bottom layer that is a single
-    /// file.
+    /// Files outside the folders: those of the crates themselves, and the bottom layer that is a
+    /// single file.
     files: &'static [&'static str],
 }
 
 const THE_MACHINE: Layers = Layers {
-    folder: MACHINE,
+    folders: &[MACHINE],
     layers: &[
         "timing",
         "pipeline",
@@ -376,14 +376,14 @@ const THE_MACHINE: Layers = Layers {
 };
 
 const THE_BENCH: Layers = Layers {
-    folder: "src/",
+    folders: BENCH,
     layers: &[
         "cli",
         "view",
         "explore",
         "run",
-        "cosim",
         "performance",
+        "cosim",
         "accuracy",
         "hardware",
         "golden",
@@ -397,10 +397,15 @@ const THE_BENCH: Layers = Layers {
 };
 
 impl Layers {
+    /// The path of a file inside its crate.
+    fn inside<'a>(&self, path: &'a str) -> &'a str {
+        let inside = |folder: &&str| path.strip_prefix(*folder);
+        self.folders.iter().find_map(inside).unwrap_or(path)
+    }
+
     /// The modules on the path of a file: `src/golden/tiles.rs` is golden, tiles.
     fn modules<'a>(&self, path: &'a str) -> Vec<&'a str> {
-        let inside = path.strip_prefix(self.folder).unwrap_or(path);
-        inside
+        self.inside(path)
             .trim_end_matches(".rs")
             .split('/')
             .filter(|module| *module != "mod")
@@ -436,11 +441,11 @@ impl Layers {
 
     /// Every file belongs to a layer, every layer has files, and all names point down.
     fn hold(&self) {
-        let sources = sources(&[self.folder]);
+        let sources = sources(self.folders);
         let known: BTreeSet<&str> = sources.keys().map(|path| self.modules(path)[0]).collect();
         let said: BTreeSet<&str> = self.layers.iter().chain(self.files).copied().collect();
         assert_eq!(known, said, "a folder is no layer, or a layer no folder");
-        let beside = |path: &str| !path[self.folder.len()..].contains('/');
+        let beside = |path: &str| !self.inside(path).contains('/');
         assert!(
             sources
                 .keys()
@@ -519,6 +524,8 @@ fn check(
 }
 
 const MACHINE: &str = "rtl_model/src/";
+/// The crates around the machine, from top to bottom.
+const BENCH: &[&str] = &["src/", "comparison/src/", "golden_model/src/"];
 const UNITS: &str = "rtl_model/src/units/";
 const NUM: &str = "rtl_model/src/num/";
 const FUNCTIONS: &str = "rtl_model/src/functions/";
@@ -739,30 +746,19 @@ fn bits_are_lost_in_num_and_functions_alone() {
 
 #[test]
 fn golden_does_not_know_the_machine() {
-    let sources = sources(&["src"]);
-    let place = |path: &str| THE_BENCH.place(THE_BENCH.modules(path)[0]);
-    let reached = |path: &str| place(path) >= place("src/golden/mod.rs");
-    assert!(
-        [
-            "src/golden/tiles.rs",
-            "src/scene/mod.rs",
-            "src/output/picture.rs"
-        ]
-        .iter()
-        .all(|path| sources.contains_key(*path))
-    );
-    check(&sources, reached, |_, code| {
-        names(code, "rtl_model")
-            .then(|| "names rtl_model".into())
-            .into_iter()
-            .collect()
-    });
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden_model/Cargo.toml");
+    let manifest = std::fs::read_to_string(manifest).unwrap();
+    let (_, dependencies) = manifest.split_once("[dependencies]").unwrap();
+    assert!(names(dependencies, "glam"));
+    for above in ["rtl_model", "comparison", "splatsim"] {
+        assert!(!names(dependencies, above), "it depends on {above}");
+    }
 }
 
 #[test]
 fn only_quantise_turns_real_numbers_into_bits() {
-    let sources = sources(&["src"]);
-    let door = "src/hardware/quantise.rs";
+    let sources = sources(BENCH);
+    let door = "comparison/src/hardware/quantise.rs";
     assert!(
         !ways_to_bits(&sources[door]).is_empty(),
         "the rule no longer sees the one door"
@@ -770,9 +766,12 @@ fn only_quantise_turns_real_numbers_into_bits() {
     // Lockstep and mixed precision read words that quantise made, together with their real values.
     // Traces write them, and live units take them as input.
     let reads = |path: &str| {
-        path.starts_with("src/accuracy/lockstep") || path == "src/hardware/registers.rs"
+        path.starts_with("comparison/src/accuracy/lockstep")
+            || path == "comparison/src/hardware/registers.rs"
     };
-    let writes = |path: &str| path.starts_with("src/cosim/trace") || path == "src/cosim/live.rs";
+    let writes = |path: &str| {
+        path.starts_with("comparison/src/cosim/trace") || path == "comparison/src/cosim/live.rs"
+    };
     check(
         &sources,
         |path| path != door && !reads(path) && !writes(path),
@@ -802,15 +801,15 @@ fn inputs_are_opened_in_one_place() {
     };
     // Files that the program itself wrote, and the check whether a file may be overwritten.
     let of_results = [
-        "src/output/files.rs",
-        "src/output/video.rs",
+        "golden_model/src/output/files.rs",
+        "golden_model/src/output/video.rs",
         "src/performance/recording.rs",
         "src/view/export.rs",
         "src/view/folder.rs",
         "src/explore/sweep/table.rs",
         "src/run/compare/side.rs",
     ];
-    let sources = sources(&["src"]);
+    let sources = sources(BENCH);
     assert!(
         of_results
             .iter()
@@ -819,7 +818,7 @@ fn inputs_are_opened_in_one_place() {
     );
     check(
         &sources,
-        |path| !path.starts_with("src/input/") && !of_results.contains(&path),
+        |path| !path.starts_with("golden_model/src/input/") && !of_results.contains(&path),
         |_, code| opens(code),
     );
 }
@@ -830,9 +829,9 @@ fn unsafe_code_is_only_for_vector_instructions_and_pointers_from_c() {
         "rtl_model/src",
         "rtl_model/tests",
         "src",
+        "comparison",
+        "golden_model",
         "tests",
-        "benches",
-        "examples",
         "bindings",
     ]);
     assert!(names(&sources["rtl_model/src/kernels/host.rs"], "unsafe"));

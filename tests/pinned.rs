@@ -42,7 +42,8 @@ fn blessing() -> bool {
 
 /// A built-in scene with its own view, but fewer splats.
 fn small(name: &str, count: usize) -> Scene {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("src/scene/builtin/{name}.json"));
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join(format!("golden_model/src/scene/builtin/{name}.json"));
     let mut scene: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(own).unwrap()).unwrap();
     scene["splats"]["count"] = count.into();

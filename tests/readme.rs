@@ -495,6 +495,8 @@ fn every_file_that_is_named_exists() {
     let own = [
         "tests/",
         "src/",
+        "comparison/",
+        "golden_model/",
         "rtl_model/",
         "traces/",
         "docs/",
@@ -572,7 +574,7 @@ fn misses((name, section): &(String, Option<String>)) -> Option<String> {
 #[test]
 fn cited_pages_and_sections_exist() {
     let mut sources = Vec::new();
-    ["src", "rtl_model", "tests"]
+    ["src", "comparison", "golden_model", "rtl_model", "tests"]
         .iter()
         .for_each(|folder| book::walk(Path::new(folder), "rs", &mut sources));
     assert!(sources.len() > 100, "{sources:?}");

@@ -608,8 +608,9 @@ fn a_slab_is_as_opaque_as_it_says() {
 fn built_in_volumes_are_as_deep_as_they_were() {
     // The deepest voxel, from the depth of the field before opacity was defined as opacity: 0.9 per
     // step and so on, times the share of it that a ball of 0.7 steps has.
-    let own =
-        |name: &str| std::fs::read_to_string(format!("src/scene/builtin/{name}.json")).unwrap();
+    let own = |name: &str| {
+        std::fs::read_to_string(format!("golden_model/src/scene/builtin/{name}.json")).unwrap()
+    };
     for (name, depths) in [
         ("nested-shells", &[0.0, 0.05, 0.15, 0.3, 0.8][..]),
         ("marschner-lobb", &[0.0, 0.9, 0.0]),

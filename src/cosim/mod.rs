@@ -1,8 +1,5 @@
-//! Co-simulation: records on the wires between units, comparison with a device's records, and
-//! single units that run live.
+//! Co-simulation, and the pages of the book that a trace contains.
 
-pub mod diff;
-pub mod live;
-pub mod scoreboard;
+pub use comparison::cosim::{diff, live, scoreboard, words};
+
 pub mod trace;
-pub mod words;

@@ -378,8 +378,25 @@ fn worst_of(found: &[SearchErrors]) -> SearchErrors {
         .unwrap_or_default()
 }
 
-impl Target {
+/// What a search asks of its target.
+trait Judge {
     /// Returns an error that states by how much the unchanged machine misses the target.
+    fn check_reach(
+        &self,
+        found: &SearchErrors,
+        views: &[View],
+        machine: &str,
+    ) -> std::result::Result<(), String>;
+
+    /// Index of the view with the greatest load, the first one if several are equal; None without
+    /// views.
+    fn deciding(&self, found: &[SearchErrors]) -> Option<usize>;
+
+    /// Squared error as a part of the allowed squared error: at most 1 meets the target.
+    fn load(&self, found: &SearchErrors) -> f64;
+}
+
+impl Judge for Target {
     fn check_reach(
         &self,
         found: &SearchErrors,
@@ -414,14 +431,11 @@ impl Target {
         ))
     }
 
-    /// Index of the view with the greatest load, the first one if several are equal; None without
-    /// views.
     fn deciding(&self, found: &[SearchErrors]) -> Option<usize> {
         let load = |nth: &usize| self.load(&found[*nth]);
         (0..found.len()).max_by(|a, b| load(a).total_cmp(&load(b)).then(b.cmp(a)))
     }
 
-    /// Squared error as a part of the allowed squared error: at most 1 meets the target.
     fn load(&self, found: &SearchErrors) -> f64 {
         let (psnr_db, error) = (found.psnr_db_of(self), found.max_error_of(self));
         let by_psnr = self

@@ -13,17 +13,17 @@
 //! `ideal_does_not_depend_on_the_order_of_splats`, `enough_layers_make_golden_equal_ideal`,
 //! `replace_is_a_z_buffer`, `two_threads_draw_what_one_draws`.
 
-pub(crate) mod footprint;
-pub(crate) mod fragments;
+pub mod footprint;
+pub mod fragments;
 mod ideal;
 pub(crate) mod intervals;
-pub(crate) mod lists;
+pub mod lists;
 mod pixel_trace;
 pub(crate) mod reflection;
-pub(crate) mod shade;
-pub(crate) mod sheets;
-pub(crate) mod tiles;
-pub(crate) mod window;
+pub mod shade;
+pub mod sheets;
+pub mod tiles;
+pub mod window;
 
 use rayon::prelude::*;
 use schemars::JsonSchema;

@@ -230,7 +230,7 @@ fn check_depth(path: &str, whose: &str) -> Result<()> {
 
 /// The value with integers in place of integral numbers that are written with a point or an
 /// exponent, such as 1e9.
-pub(crate) fn whole(value: Value) -> Value {
+pub fn whole(value: Value) -> Value {
     // Every integer up to this one is exact in f64.
     const LARGEST: f64 = 9_007_199_254_740_992.0;
     match value {

@@ -19,14 +19,20 @@ use super::{FragmentDepth, Outcomes, Rules};
 /// One layer of one pixel. Unshaded it holds weighted sums; shaded it holds a premultiplied colour
 /// and its alpha.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Fragment {
+pub struct Fragment {
+    /// Sum of weights.
     pub weight: f64,
+    /// Weighted sum of colours, or the premultiplied colour.
     pub rgb: DVec3,
+    /// Weighted sum of opacities, or alpha.
     pub alpha: f64,
+    /// Weighted sum of normals.
     pub normal: DVec3,
+    /// Depth that contributions are compared with.
     pub z: f64,
     /// Material of the first contribution.
     pub material: u32,
+    /// Whether it holds a colour instead of sums.
     pub shaded: bool,
     /// Sheet of the fragment, if fragments are grouped by sheets.
     pub sheet: u32,
@@ -131,6 +137,7 @@ impl Fragment {
         self.normal += contribution.normal;
     }
 
+    /// Whether its alpha reaches a limit; of sums, only if their weight covers the pixel.
     pub fn is_opaque(&self, limit: f64, coverage_threshold: f64) -> bool {
         if self.shaded {
             self.alpha >= limit
@@ -316,7 +323,7 @@ pub(super) fn resolve<S: Slot>(shader: &Shader, slots: &mut [S]) -> [f64; 4] {
 }
 
 /// The unshaded fragment nearest in z among those nearer than ε; the lowest slot on ties.
-pub(crate) fn nearest_within(z_threshold: f64, z: f64, fragments: &[Fragment]) -> Option<usize> {
+pub fn nearest_within(z_threshold: f64, z: f64, fragments: &[Fragment]) -> Option<usize> {
     let (mut least, mut nearest) = (z_threshold, None);
     for (slot, fragment) in fragments.iter().enumerate() {
         let distance = (z - fragment.z).abs();
@@ -381,11 +388,11 @@ pub enum Merge {
 }
 
 /// Returns the front of the adjacent pair to merge, given fragments in z order.
-pub(crate) type PairRule = fn(&[Fragment]) -> usize;
+pub type PairRule = fn(&[Fragment]) -> usize;
 
 impl Merge {
     /// The rule that selects the pair to merge; none for a z-buffer.
-    pub(crate) fn pair(self) -> Option<PairRule> {
+    pub fn pair(self) -> Option<PairRule> {
         self.pair_of()
     }
 

@@ -11,7 +11,7 @@ use crate::scene::{Opacity, Sheet, Sheets};
 
 /// A sheet's colour times opacity, and its opacity, from its optical depth and the products of
 /// colour and optical depth.
-pub(crate) fn closed(sheets: &Sheets, weight: f64, rgb: DVec3) -> DVec4 {
+pub fn closed(sheets: &Sheets, weight: f64, rgb: DVec3) -> DVec4 {
     if sheets.of == Sheet::Splat {
         let ratio = if weight > sheets.most_weight {
             sheets.most_weight / weight

@@ -9,8 +9,10 @@ use super::shade::Shader;
 
 /// Depths from the nearest to the farthest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Span {
+pub struct Span {
+    /// Nearest depth.
     pub near: f64,
+    /// Farthest depth.
     pub far: f64,
 }
 
@@ -36,10 +38,12 @@ impl Span {
         }
     }
 
+    /// Distance from the nearest to the farthest depth.
     pub fn width(self) -> f64 {
         self.far - self.near
     }
 
+    /// Whether a depth is inside, ends included.
     pub fn holds(self, z: f64) -> bool {
         self.near <= z && z <= self.far
     }

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 use super::footprint::{Footprint, Weights};
 use super::fragments::{Fragment, Side};
-pub(crate) use super::intervals::Span;
+pub use super::intervals::Span;
 use super::intervals::nearest_that_stays_within;
 use super::shade::{Shader, over};
 use super::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill, footprints};
@@ -45,7 +45,8 @@ pub fn density(opacity: f64) -> f64 {
 
 /// A contribution, and its splat's appearance.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LitContribution {
+pub struct LitContribution {
+    /// The contribution as a fragment of its own.
     pub sums: Fragment,
     /// `col`: the splat's own colour under the lights.
     pub colour: DVec3,
@@ -55,7 +56,8 @@ pub(crate) struct LitContribution {
 
 /// A cluster of contributions.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Open {
+pub struct Open {
+    /// Weighted sums of its contributions.
     pub sums: Fragment,
     /// Σw·z.
     pub depth: f64,
@@ -65,14 +67,16 @@ pub(crate) struct Open {
 
 /// One surface of a closed layer.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Surface {
+pub struct Surface {
+    /// Depths of the surface.
     pub span: Span,
+    /// Sum of weights.
     pub weight: f64,
 }
 
 /// Surfaces that were blended, from the front to the back.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Closed {
+pub struct Closed {
     /// C, premultiplied, and A.
     pub colour: DVec4,
     /// [lo, loh] and Wl.
@@ -87,14 +91,16 @@ pub(crate) struct Closed {
 
 /// One slot of a pixel.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Layer {
+pub enum Layer {
+    /// A cluster that still takes contributions.
     Open(Open),
+    /// Surfaces that were blended.
     Closed(Closed),
 }
 
 /// Result of step 4 for one layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LayerVisibility {
+pub struct LayerVisibility {
     /// The layer at which its window starts.
     pub first: usize,
     /// Nearest depth of its window.
@@ -231,20 +237,25 @@ impl Closed {
 
 /// The parameters of the rule's steps.
 #[derive(Clone, Copy)]
-pub(crate) struct Window<'a> {
+pub struct Window<'a> {
+    /// Shades a cluster when it is closed.
     pub shader: &'a Shader,
     /// ε.
     pub z_threshold: f64,
     /// A contribution joins a cluster that stays narrower than this.
     pub reach: f64,
+    /// `window.late` of the rules.
     pub late: bool,
+    /// `window.inside` of the rules.
     pub inside: bool,
+    /// `evict_hidden` of the rules.
     pub evict_hidden: bool,
     /// Whether clusters are summed on overflow.
     pub sums: bool,
 }
 
 impl<'a> Window<'a> {
+    /// The parameters of a machine's rules, with ε of the scene.
     pub fn new(rules: &Rules, z_threshold: f64, shader: &'a Shader) -> Self {
         let clusters = rules.group == Group::Window;
         Window {

@@ -28,15 +28,18 @@ pub struct KeptLists {
 
 /// A drawn splat: columns and rows of its box, and its key.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Listed {
+pub struct Listed {
+    /// Index of the splat in the scene.
     pub splat: u32,
+    /// Columns and rows of its box.
     pub sides: [Range<u32>; 2],
+    /// Its key in the sort.
     pub key: f64,
 }
 
 /// Order of drawing in each tile: indices among the drawn splats of the frame, front to back.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct TileOrder {
+pub struct TileOrder {
     tile_px: usize,
     columns: usize,
     tiles: Vec<Vec<u32>>,
@@ -189,7 +192,7 @@ impl KeptLists {
     }
 
     /// The order of a frame after those before it, whose drawn splats `before` returns.
-    pub(crate) fn order_after(
+    pub fn order_after(
         &self,
         scene: &Scene,
         mut before: impl FnMut(&Scene) -> Vec<Listed>,
@@ -224,7 +227,7 @@ fn tiles_of(sides: &[Range<u32>; 2], side: usize, columns: usize) -> impl Iterat
 
 impl Scene {
     /// Calls `visit` with each frame before this one, if it is a frame of a sequence.
-    pub(crate) fn each_before(&self, mut visit: impl FnMut(&Scene)) {
+    pub fn each_before(&self, mut visit: impl FnMut(&Scene)) {
         let before: Vec<Camera> = self.cameras_before().to_vec();
         let Some(path) = self.path.as_ref().filter(|_| !before.is_empty()) else {
             return;

@@ -10,7 +10,7 @@ use super::reflection::{Reflected, Reflection, Surroundings};
 use crate::scene::{Material, Scene};
 
 /// Scene data that shading needs, in camera space.
-pub(crate) struct Shader {
+pub struct Shader {
     lights: Vec<CameraLight>,
     materials: Vec<Material>,
     /// None if nothing is mirrored.
@@ -204,6 +204,6 @@ fn facing(sum: DVec3) -> Option<DVec3> {
 }
 
 /// Front over back, both premultiplied.
-pub(crate) fn over(front: DVec4, back: DVec4) -> DVec4 {
+pub fn over(front: DVec4, back: DVec4) -> DVec4 {
     front + back * (1.0 - front.w)
 }

@@ -13,7 +13,7 @@ pub use error_picture::{ErrorPicture, error_picture};
 pub use lockstep::{
     BoundSummary, CheckedTiles, Flips, KINDS, Lockstep, Summary, lockstep, lockstep_in,
 };
-pub(crate) use metrics::db_text;
+pub use metrics::db_text;
 pub use metrics::{
     Distance, Fidelity, Metrics, PIXELS_PER_DEGREE, distance, fidelity, is_finite, metrics,
     pixel_error, pixel_errors,

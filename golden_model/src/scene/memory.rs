@@ -29,7 +29,7 @@ pub(super) fn harmonics_bytes(degree: u8) -> u64 {
 const PIXEL_BYTES: u64 = 220;
 
 /// Bytes of a `run` in addition to the scene itself.
-pub(crate) fn of_frame(scene: &Scene) -> u64 {
+pub fn of_frame(scene: &Scene) -> u64 {
     let pixels = scene.image.width as u64 * scene.image.height as u64;
     let splat_bytes = if scene.ellipsoids.is_some() {
         GAUSSIAN_BYTES
@@ -51,7 +51,7 @@ pub(crate) fn of_frame(scene: &Scene) -> u64 {
 ///
 /// # Errors
 /// [`Error::Input`] with the needed and the free memory.
-pub(crate) fn check_frame(scene: &Scene) -> Result<(), Error> {
+pub fn check_frame(scene: &Scene) -> Result<(), Error> {
     let Image { width, height, .. } = scene.image;
     let too_large = |sentence: String| {
         let splats = thousands(scene.splats.len() as u64);

@@ -79,7 +79,7 @@ pub(super) fn is_zero(count: &u64) -> bool {
 }
 
 /// Decibels for a summary: `equal` for equal pictures, `NaN` if a pixel is not finite.
-pub(crate) fn db_text(db: Option<f64>, not_finite: u64, show: impl Fn(f64) -> String) -> String {
+pub fn db_text(db: Option<f64>, not_finite: u64, show: impl Fn(f64) -> String) -> String {
     match db {
         _ if not_finite > 0 => "NaN".into(),
         None => "equal".into(),

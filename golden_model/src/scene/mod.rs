@@ -14,7 +14,7 @@ mod formats;
 mod gaussians;
 mod gltf;
 mod json;
-pub(crate) mod memory;
+pub mod memory;
 pub mod mesh;
 mod neighbours;
 pub mod parcel;
@@ -26,8 +26,8 @@ pub mod tree;
 mod volume;
 mod voxels;
 
-pub(crate) mod strict_json;
-pub(crate) mod validate;
+pub mod strict_json;
+pub mod validate;
 
 pub use builtin::{Builtin, names};
 pub use camera_file::CameraFile;

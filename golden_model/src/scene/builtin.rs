@@ -123,7 +123,7 @@ impl Builtin {
     }
 
     /// `count` splats in surface order; by default the number that closes its surface at 512×512.
-    pub(crate) fn splats(self, count: Option<usize>) -> Vec<Splat> {
+    pub fn splats(self, count: Option<usize>) -> Vec<Splat> {
         match self {
             Builtin::GlassSpheres => glass_spheres(count.unwrap_or(280_000)),
             Builtin::Checkerboard => checkerboard(count.unwrap_or(200_000)),

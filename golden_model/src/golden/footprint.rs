@@ -11,16 +11,22 @@ use crate::scene::{Amplitude, Filter, Orientation, Scene, Sheet, View};
 
 /// A splat on screen, in pixels; depths and normals are in camera space.
 #[derive(Clone, Debug)]
-pub(crate) struct Footprint {
+pub struct Footprint {
     /// Index of the splat in the scene.
     pub splat: u32,
-    /// Pixel columns and rows whose centres are in the box, clipped to the picture.
+    /// Pixel columns whose centres are in the box, clipped to the picture.
     pub columns: Range<u32>,
+    /// Pixel rows whose centres are in the box, clipped to the picture.
     pub rows: Range<u32>,
+    /// Linear colour of the splat.
     pub rgb: DVec3,
+    /// Opacity of the splat.
     pub opacity: f64,
+    /// Unit normal of the splat.
     pub normal: DVec3,
+    /// Index of the splat's material.
     pub material: u32,
+    /// The projected centre, pixels.
     pub centre: [f64; 2],
     /// `Q00, Q01, Q11`.
     conic: [f64; 3],
@@ -139,27 +145,34 @@ impl BlockTest {
     }
 
     /// First pixel of a pixel's block.
-    pub(crate) fn first(&self, at: [u32; 2]) -> [u32; 2] {
+    pub fn first(&self, at: [u32; 2]) -> [u32; 2] {
         at.map(|at| at - at % self.side_px)
     }
 }
 
 /// Why a splat leaves no footprint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Cull {
+pub enum Cull {
+    /// Its centre is not beyond the near plane.
     Near,
+    /// Its box contains no pixel, or it is too far to the side for the affine approximation.
     Outside,
     /// Its opacity is too small for any weight to count.
     Transparent,
+    /// It faces away from the eye.
     Backface,
+    /// It has no ellipse or no weight.
     Faint,
 }
 
 /// Contribution of one footprint to one pixel.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Contribution {
+pub struct Contribution {
+    /// Radial index r at the pixel centre.
     pub radial_index: f64,
+    /// Amplitude times exp(−r/2).
     pub weight: f64,
+    /// Depth of the splat at the pixel centre.
     pub z: f64,
 }
 
@@ -245,7 +258,7 @@ impl Variance {
 
 /// Which weights make a fragment, and whether they fall with depth.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Weights {
+pub struct Weights {
     /// Smaller weights make no fragment.
     pub least: f64,
     /// Depth from which weights are 0; `None` where they do not depend on depth.
@@ -285,7 +298,7 @@ pub(crate) fn set_up(
 
 /// Sets up the `index`-th splat, and returns why it is culled if it is; its footprint may then be
 /// meaningless. The tests are in the order in which culled splats are counted.
-pub(crate) fn set_up_with_cull(
+pub fn set_up_with_cull(
     scene: &Scene,
     view: &View,
     index: usize,
@@ -461,7 +474,7 @@ fn clamped(ray: DVec3, scene: &Scene, view: &View) -> DVec3 {
 
 /// Pixels whose centres lie within `reach` of `centre`, clipped to the picture; none if the
 /// interval misses the picture.
-pub(crate) fn pixels(centre: f64, reach: f64, size: usize) -> Option<Range<u32>> {
+pub fn pixels(centre: f64, reach: f64, size: usize) -> Option<Range<u32>> {
     if !(centre + reach >= 0.0 && centre - reach <= size as f64) {
         return None;
     }
@@ -565,7 +578,7 @@ impl Footprint {
 }
 
 /// One row of a footprint: `r = Q00·dx² + linear·dx + constant`.
-pub(crate) struct FootprintRow<'a> {
+pub struct FootprintRow<'a> {
     footprint: &'a Footprint,
     /// The row's centre in x, pixels.
     middle: f64,

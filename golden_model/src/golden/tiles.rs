@@ -20,10 +20,10 @@ use crate::scene::{Image, Scene, View};
 /// cache.
 const TILE_PX: usize = 16;
 /// Pixels of a tile.
-pub(crate) const PIXELS_IN_A_TILE: usize = TILE_PX * TILE_PX;
+pub const PIXELS_IN_A_TILE: usize = TILE_PX * TILE_PX;
 
 /// A primitive that covers pixels and contributes to each of them.
-pub(crate) trait Cover: Sync {
+pub trait Cover: Sync {
     /// Contribution to one pixel.
     type Contribution;
     /// Pixel columns and rows of its box, within the picture.
@@ -38,7 +38,7 @@ pub(crate) trait Cover: Sync {
 }
 
 /// Computes pixels from contributions, one tile at a time.
-pub(crate) trait Painter {
+pub trait Painter {
     /// Contribution to one pixel.
     type Contribution;
     /// Takes a contribution to a pixel of the tile.
@@ -230,8 +230,8 @@ pub(crate) fn fill<C: Cover, P: Painter<Contribution = C::Contribution>>(
     fill_ordered(image, footprints, None, background, painter)
 }
 
-/// [`fill`], with an order of its own in each tile, if one is given.
-pub(crate) fn fill_ordered<C: Cover, P: Painter<Contribution = C::Contribution>>(
+/// Fills all tiles, with an order of its own in each tile, if one is given.
+pub fn fill_ordered<C: Cover, P: Painter<Contribution = C::Contribution>>(
     image: &Image,
     footprints: &[C],
     order: Option<&TileOrder>,

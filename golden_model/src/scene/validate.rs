@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 
 /// A violation: the path of the field, as in `lights[0].rgb`, and what is wrong.
 #[derive(Debug)]
-pub(crate) struct Violation {
+pub struct Violation {
     path: String,
     wrong: String,
 }
@@ -40,7 +40,7 @@ impl Violation {
 type Fits = Result<(), Violation>;
 
 /// Checks `value` against `schema`.
-pub(crate) fn check(value: &Value, schema: &Value) -> Fits {
+pub fn check(value: &Value, schema: &Value) -> Fits {
     Law { root: schema }.check(value, schema)
 }
 
@@ -354,7 +354,7 @@ fn list(words: &[&str]) -> String {
 const LIKE: f64 = 0.76;
 
 /// The known word most similar to `text`, if it is similar enough.
-pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<&'a str> {
+pub fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<&'a str> {
     // A text that is much longer matches none, and may have megabytes.
     if text.len() > 4 * known.iter().map(|word| word.len()).max().unwrap_or(0) {
         return None;
@@ -371,7 +371,7 @@ pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<&'a str> {
 }
 
 /// That word in brackets, for the end of a sentence; empty if there is none.
-pub(crate) fn in_brackets(text: &str, known: &[&str]) -> String {
+pub fn in_brackets(text: &str, known: &[&str]) -> String {
     nearest(text, known).map_or(String::new(), |name| format!(" (nearest: `{name}`)"))
 }
 

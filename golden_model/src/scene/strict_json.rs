@@ -11,13 +11,13 @@ use std::fmt;
 use std::path::Path;
 
 /// Reads a file like [`parse`].
-pub(crate) fn read(path: &Path) -> Result<Value, String> {
+pub fn read(path: &Path) -> Result<Value, String> {
     parse(&input::read_text(path).map_err(|e| format!("cannot be read: {e}"))?)
 }
 
 /// Reads a text, with or without a byte-order mark. The error is the second half of a sentence that
 /// begins with the file's name, and has line and column.
-pub(crate) fn parse(text: &str) -> Result<Value, String> {
+pub fn parse(text: &str) -> Result<Value, String> {
     let mut deserializer = serde_json::Deserializer::from_str(input::without_mark(text));
     let value = Unique
         .deserialize(&mut deserializer)
