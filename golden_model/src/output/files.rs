@@ -110,9 +110,18 @@ impl Folder {
 impl Drop for Folder {
     fn drop(&mut self) {
         // Other processes that share it continue to write; the last one removes it.
-        drop(self.open.take());
+        if let Some(open) = self.open.take() {
+            release(&open);
+        }
         remove_free(&self.made);
     }
+}
+
+/// Releases a lock at once. Closing the file is not enough: a child process has a copy of it from
+/// `fork` to `exec`, and would keep the lock.
+fn release(open: &File) {
+    // If it fails, the lock ends with the last copy.
+    let _ = open.unlock();
 }
 
 /// Removes folders, the innermost first, that are empty and not locked by another process.
@@ -122,7 +131,11 @@ fn remove_free(made: &[PathBuf]) {
         let is_free = open
             .as_ref()
             .is_none_or(|open| !matches!(open.try_lock(), Err(TryLockError::WouldBlock)));
-        if !is_free || fs::remove_dir(folder).is_err() {
+        let is_removed = is_free && fs::remove_dir(folder).is_ok();
+        if let Some(open) = open {
+            release(&open);
+        }
+        if !is_removed {
             return;
         }
     }
@@ -672,6 +685,19 @@ mod tests {
                 .ends_with("it is not a file")
         );
         assert_eq!(held(), (["6", "", "7"].map(String::from), 3));
+    }
+
+    /// A child process has copies of all open files from `fork` to `exec`.
+    #[test]
+    fn a_copy_of_an_open_folder_keeps_no_lock() {
+        let outside = tempfile::tempdir().unwrap();
+        for path in [outside.path().to_owned(), outside.path().join("made")] {
+            let folder = Folder::open(&path).unwrap();
+            let _copy = folder.open.as_ref().unwrap().try_clone().unwrap();
+            fs::write(path.join("result"), "").unwrap();
+            drop(folder);
+            Folder::open(&path).unwrap();
+        }
     }
 
     #[test]
