@@ -10,5 +10,5 @@ pub mod accuracy;
 
 pub mod hardware;
 
-// Paths are those of the bench, which has all layers.
+// Paths are the same as in `splatsim`.
 use golden_model::{error, golden, input, output, scene};

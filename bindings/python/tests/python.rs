@@ -7,15 +7,22 @@ mod tier;
 
 use std::path::Path;
 use std::process::Command;
+use std::sync::LazyLock;
 
-/// Python of `SPLATSIM_PYTHON`, else `python3`, if it has the test requirements; fails in CI if it
-/// has not.
-fn python() -> Option<String> {
+/// Python of `SPLATSIM_PYTHON`, else `python3`, and whether it has the test requirements: to import
+/// them takes a second.
+static PYTHON: LazyLock<(String, bool)> = LazyLock::new(|| {
     let python = std::env::var("SPLATSIM_PYTHON").unwrap_or_else(|_| "python3".into());
     let has = Command::new(&python)
         .args(["-c", "import numpy, pyarrow, pytest, mypy"])
         .output();
-    if has.is_ok_and(|output| output.status.success()) {
+    (python, has.is_ok_and(|output| output.status.success()))
+});
+
+/// That Python, if it has the test requirements; fails in CI if it has not.
+fn python() -> Option<&'static str> {
+    let (python, has) = &*PYTHON;
+    if *has {
         return Some(python);
     }
     assert!(
@@ -61,7 +68,7 @@ fn of_package(module: &str, arguments: &[&str]) {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     install(folder.path());
-    run(Command::new(&python)
+    run(Command::new(python)
         .args(["-m", module])
         .args(arguments)
         .current_dir(folder.path())
