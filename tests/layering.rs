@@ -832,6 +832,8 @@ fn unsafe_code_is_only_for_vector_instructions_and_pointers_from_c() {
         "comparison",
         "golden_model",
         "tests",
+        "benches",
+        "examples",
         "bindings",
     ]);
     assert!(names(&sources["rtl_model/src/kernels/host.rs"], "unsafe"));

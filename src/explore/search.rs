@@ -323,6 +323,59 @@ impl SearchErrors {
             (Metric::Psnr, Against::Ideal) => self.fixed_vs_ideal_max_error,
         }
     }
+
+    /// Squared error as a part of the allowed squared error: at most 1 meets the target.
+    fn load_of(&self, target: &Target) -> f64 {
+        let (psnr_db, error) = (self.psnr_db_of(target), self.max_error_of(target));
+        let by_psnr = target
+            .psnr_db
+            .zip(psnr_db)
+            .map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
+        let by_error = target
+            .max_error
+            .map_or(0.0, |most| error / most * (error / most));
+        let lost = if target.no_saturation && self.saturated.unwrap_or(0) > 0 {
+            f64::INFINITY
+        } else {
+            0.0
+        };
+        by_psnr.max(by_error).max(lost)
+    }
+
+    /// Returns an error that states by how much the unchanged machine misses the target.
+    fn check_reach(
+        &self,
+        target: &Target,
+        views: &[View],
+        machine: &str,
+    ) -> std::result::Result<(), String> {
+        if self.load_of(target) <= 1.0 {
+            return Ok(());
+        }
+        let names = views
+            .iter()
+            .map(|view| view.name.as_str())
+            .collect::<Vec<_>>()
+            .join(", ");
+        let lost = self
+            .saturated
+            .filter(|count| *count > 0)
+            .map_or(String::new(), |count| {
+                format!(", {count} words out of range")
+            });
+        let (psnr, error) = (decibels(self.psnr_db_of(target)), self.max_error_of(target));
+        let reached = format!(
+            "{machine} reaches {psnr} dB, {}, at most {error:.4} off{lost}",
+            target.difference()
+        );
+        let method = method_psnr_db(views).filter(|_| target.against == Against::Ideal);
+        let method = method.map_or(String::new(), |db| {
+            format!("; golden − ideal alone is {db:.1} dB, and no word changes that")
+        });
+        Err(format!(
+            "the target is out of reach: on {names} {reached}{method}"
+        ))
+    }
 }
 
 fn decibels(psnr_db: Option<f64>) -> String {
@@ -378,80 +431,10 @@ fn worst_of(found: &[SearchErrors]) -> SearchErrors {
         .unwrap_or_default()
 }
 
-/// What a search asks of its target.
-trait Judge {
-    /// Returns an error that states by how much the unchanged machine misses the target.
-    fn check_reach(
-        &self,
-        found: &SearchErrors,
-        views: &[View],
-        machine: &str,
-    ) -> std::result::Result<(), String>;
-
-    /// Index of the view with the greatest load, the first one if several are equal; None without
-    /// views.
-    fn deciding(&self, found: &[SearchErrors]) -> Option<usize>;
-
-    /// Squared error as a part of the allowed squared error: at most 1 meets the target.
-    fn load(&self, found: &SearchErrors) -> f64;
-}
-
-impl Judge for Target {
-    fn check_reach(
-        &self,
-        found: &SearchErrors,
-        views: &[View],
-        machine: &str,
-    ) -> std::result::Result<(), String> {
-        if self.load(found) <= 1.0 {
-            return Ok(());
-        }
-        let names = views
-            .iter()
-            .map(|view| view.name.as_str())
-            .collect::<Vec<_>>()
-            .join(", ");
-        let lost = found
-            .saturated
-            .filter(|count| *count > 0)
-            .map_or(String::new(), |count| {
-                format!(", {count} words out of range")
-            });
-        let (psnr, error) = (decibels(found.psnr_db_of(self)), found.max_error_of(self));
-        let reached = format!(
-            "{machine} reaches {psnr} dB, {}, at most {error:.4} off{lost}",
-            self.difference()
-        );
-        let method = method_psnr_db(views).filter(|_| self.against == Against::Ideal);
-        let method = method.map_or(String::new(), |db| {
-            format!("; golden − ideal alone is {db:.1} dB, and no word changes that")
-        });
-        Err(format!(
-            "the target is out of reach: on {names} {reached}{method}"
-        ))
-    }
-
-    fn deciding(&self, found: &[SearchErrors]) -> Option<usize> {
-        let load = |nth: &usize| self.load(&found[*nth]);
-        (0..found.len()).max_by(|a, b| load(a).total_cmp(&load(b)).then(b.cmp(a)))
-    }
-
-    fn load(&self, found: &SearchErrors) -> f64 {
-        let (psnr_db, error) = (found.psnr_db_of(self), found.max_error_of(self));
-        let by_psnr = self
-            .psnr_db
-            .zip(psnr_db)
-            .map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
-        let by_error = self
-            .max_error
-            .map_or(0.0, |most| error / most * (error / most));
-        let lost = if self.no_saturation && found.saturated.unwrap_or(0) > 0 {
-            f64::INFINITY
-        } else {
-            0.0
-        };
-        by_psnr.max(by_error).max(lost)
-    }
+/// Index of the view with the greatest load, the first one if several are equal; None without views.
+fn deciding(found: &[SearchErrors], target: &Target) -> Option<usize> {
+    let load = |nth: &usize| found[*nth].load_of(target);
+    (0..found.len()).max_by(|a, b| load(a).total_cmp(&load(b)).then(b.cmp(a)))
 }
 
 /// One step of the search.
@@ -638,9 +621,8 @@ fn checked(domains: &[Domain], machine: &Machine, options: &SearchOptions) -> Re
     let found = found_on(&views, |view| {
         Ok(drawn(&elaborated, view, &options.target)?.found)
     })?;
-    options
-        .target
-        .check_reach(&found, &views, &machine.name)
+    found
+        .check_reach(&options.target, &views, &machine.name)
         .map_err(Error::input)?;
     Ok(views)
 }
@@ -812,7 +794,7 @@ fn rounds(
         // A view that fails only after the last steps is added to the search.
         if is_early {
             let load;
-            (widened, load) = search.widened(&tried, &views, options.target.load(&found))?;
+            (widened, load) = search.widened(&tried, &views, found.load_of(&options.target))?;
             if learnt.len() >= PATIENCE && load > 1.0 && load.is_finite() {
                 search.stricter *= load.min(MOST_STRICTER);
             }
@@ -997,12 +979,11 @@ impl<'a> WordSearch<'a> {
         self.cut = self.base.clone();
         self.take_fields();
         let found = self.found(&vec![0; self.knobs.len()])?;
-        let load = self.options.target.load(&found);
+        let load = found.load_of(&self.options.target);
         // The scenes were checked before. A failure on a later view is an error of the job, not of
         // the input.
-        self.options
-            .target
-            .check_reach(&found, &self.views, &self.base.name)
+        found
+            .check_reach(&self.options.target, &self.views, &self.base.name)
             .map_err(Error::job)?;
         self.stricter = self.stricter.min(1.0 / load.max(f64::MIN_POSITIVE));
         Ok(())
@@ -1192,7 +1173,7 @@ impl<'a> WordSearch<'a> {
         tiles: Vec<Vec<f64>>,
     ) {
         let load = self.load_of(&found);
-        if found != UNUSABLE && self.options.target.load(&found) <= 1.0 {
+        if found != UNUSABLE && found.load_of(&self.options.target) <= 1.0 {
             let area = self.area_of(machine).unwrap_or(f64::INFINITY);
             if self.best.as_ref().is_none_or(|(_, best)| area < *best) {
                 self.best = Some((machine.clone(), area));
@@ -1409,7 +1390,7 @@ impl<'a> WordSearch<'a> {
         if *found == UNUSABLE {
             f64::INFINITY
         } else {
-            self.options.target.load(found) * self.stricter
+            found.load_of(&self.options.target) * self.stricter
         }
     }
 
@@ -1719,7 +1700,7 @@ impl<'a> WordSearch<'a> {
             Ok(drawn(&built, view, &self.options.target)?.found)
         })
         .unwrap_or(UNUSABLE);
-        let then = self.options.target.load(&found);
+        let then = found.load_of(&self.options.target);
         // Also if a load is NaN.
         if then.partial_cmp(&load) != Some(Ordering::Less) {
             return Ok((false, load));
@@ -1833,12 +1814,12 @@ impl<'a> WordSearch<'a> {
                 let errors = |drawn: &Option<Drawn>| drawn.as_ref().map_or(UNUSABLE, |d| d.found);
                 let each: Vec<SearchErrors> = all.iter().map(errors).collect();
                 let found = worst_of(&each);
-                let load = target.load(&found);
+                let load = found.load_of(target);
                 self.progress
                     .set_message(format!("{name}: {} dB", decibels(found.psnr_db_of(target))));
                 taken.push((of, camera));
                 // The deciding one of the nearby cameras is recorded, with its errors.
-                let decides = target.deciding(&each).unwrap_or(0);
+                let decides = deciding(&each, target).unwrap_or(0);
                 let (name, camera) = (views[decides].name.clone(), views[decides].scene.camera);
                 held.push(Unseen {
                     of,
@@ -1898,7 +1879,7 @@ impl<'a> WordSearch<'a> {
         self.prefetch(&all)?;
         for knob in open {
             let found = self.found(&lesser(knob))?;
-            if found == UNUSABLE || self.options.target.load(&found) <= 1.0 {
+            if found == UNUSABLE || found.load_of(&self.options.target) <= 1.0 {
                 continue;
             }
             let knob = &knobs[knob];
@@ -2112,7 +2093,7 @@ impl<'a> WordSearch<'a> {
         let target = &self.options.target;
         let unseen: Vec<SearchErrors> = views.iter().map(|view| view.found).collect();
         let worst = |found: &[SearchErrors], from: usize| {
-            let nth = target.deciding(found)?;
+            let nth = deciding(found, target)?;
             let figure = match target.psnr_db {
                 Some(_) => format!(
                     "{} dB, {}",
@@ -2216,7 +2197,7 @@ impl Problem for WordSearch<'_> {
         Ok(if found == UNUSABLE {
             f64::INFINITY
         } else {
-            self.options.target.load(&found)
+            found.load_of(&self.options.target)
         })
     }
 

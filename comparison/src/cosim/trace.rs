@@ -382,8 +382,8 @@ fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
     found.filter(|parent| !kind.sheets || *parent != "fragment.request")
 }
 
-/// Pages of the book that a trace's README contains. The book is not in the folder of this crate:
-/// whoever writes a trace has it.
+/// Pages of the book that a trace's README contains. The caller passes them, because the book is not
+/// in the folder of this crate.
 #[derive(Clone, Copy, Debug)]
 pub struct Pages {
     /// Files and their records.
