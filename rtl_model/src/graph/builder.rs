@@ -1,6 +1,6 @@
 //! Builder: makes a unit's graph, and declares what it takes: parts, signals, misfits.
 
-use super::{Functions, Graph, Node, Operator, Power, Wire};
+use super::{Body, Functions, Graph, Node, Operator, Power, Wire};
 use crate::elaboration::Elaboration;
 use crate::functions::reciprocal::NORMALISED_FRAC_BITS;
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
@@ -595,8 +595,7 @@ impl<'e> Builder<'e> {
             std::mem::take(&mut self.functions),
         );
         Graph {
-            nodes,
-            functions,
+            body: Body { nodes, functions },
             outputs,
         }
     }

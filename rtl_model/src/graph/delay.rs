@@ -5,7 +5,7 @@
 //!
 //! Law: `the_longest_path_is_that_of_the_slowest_operand`.
 
-use super::{Graph, Node, Operator, Wire};
+use super::{Body, Graph, Node, Operator, Wire};
 use crate::elaboration::EXPONENT_BITS;
 use crate::elaboration::latency::Path;
 use crate::functions::{reciprocal, square_root, table};
@@ -21,6 +21,14 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
 
     /// The longest path to each result.
     pub fn paths(&self) -> [Path; OUTPUTS] {
+        let arrivals = self.body.arrivals();
+        self.outputs.map(|wire| arrivals[wire.place()])
+    }
+}
+
+impl Body {
+    /// The longest path to each node.
+    fn arrivals(&self) -> Vec<Path> {
         let mut arrivals: Vec<Path> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
             let mut latest = Path::default();
@@ -34,7 +42,7 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             let path = self.through(node, latest);
             arrivals.push(path);
         }
-        self.outputs.map(|wire| arrivals[wire.place()])
+        arrivals
     }
 
     fn node(&self, wire: Wire) -> &Node {

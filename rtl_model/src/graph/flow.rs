@@ -5,7 +5,7 @@
 //!
 //! Law: `a_word_is_made_from_the_words_that_its_operators_read`.
 
-use super::{Graph, Operator, Wire};
+use super::{Body, Graph, Operator, Wire};
 use crate::elaboration::Signal;
 use crate::num::{Exact, Fit};
 use std::collections::BTreeSet;
@@ -29,6 +29,12 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     /// # Panics
     /// Where there are fewer names than inputs.
     pub fn flow(&self, signals: &[Signal], inputs: &[Option<String>]) -> Vec<Flow> {
+        self.body.flow(signals, inputs)
+    }
+}
+
+impl Body {
+    fn flow(&self, signals: &[Signal], inputs: &[Option<String>]) -> Vec<Flow> {
         let mut words: Vec<Flow> = Vec::new();
         // Of each node the words that it is made from.
         let mut sources: Vec<BTreeSet<usize>> = Vec::with_capacity(self.nodes.len());

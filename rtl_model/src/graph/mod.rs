@@ -212,11 +212,18 @@ struct Functions {
     roms: [Vec<String>; 3],
 }
 
+/// A graph without its results. Passes are methods of it, so that they are compiled once for any
+/// number of results.
+#[derive(Clone, Debug)]
+struct Body {
+    nodes: Vec<Node>,
+    functions: Functions,
+}
+
 /// A unit's arithmetic.
 #[derive(Clone, Debug)]
 pub struct Graph<const OUTPUTS: usize> {
-    nodes: Vec<Node>,
-    functions: Functions,
+    body: Body,
     outputs: [Wire; OUTPUTS],
 }
 
@@ -233,9 +240,9 @@ fn word(holds: bool) -> i64 {
     -i64::from(holds)
 }
 
-impl<const OUTPUTS: usize> Graph<OUTPUTS> {
-    /// Results of one item.
-    pub fn one<P: Probe>(&self, inputs: &[i64], tap: &mut Tap<P>) -> [i64; OUTPUTS] {
+impl Body {
+    /// Results of all nodes for one item.
+    fn one<P: Probe>(&self, inputs: &[i64], tap: &mut Tap<P>) -> Vec<i64> {
         let mut results: Vec<i64> = Vec::with_capacity(self.nodes.len());
         let mut exponents = vec![0; self.nodes.len()];
         // None once a condition has dropped the item.
@@ -341,11 +348,11 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             };
             results.push(result);
         }
-        self.outputs.map(|wire| results[wire.place()])
+        results
     }
 
-    /// The nodes that some wires depend on.
-    pub fn asked<const N: usize>(&self, wires: [Wire; N]) -> Asked<N> {
+    /// The nodes that some wires depend on, and of each node its place among them.
+    fn asked(&self, wires: &[Wire]) -> (Vec<Node>, Vec<Wire>) {
         let mut is_needed = vec![false; self.nodes.len()];
         wires.iter().for_each(|wire| is_needed[wire.place()] = true);
         for (place, node) in self.nodes.iter().enumerate().rev() {
@@ -369,6 +376,33 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 });
             }
         }
+        (nodes, places)
+    }
+
+    fn fit_of_signal(&self, signals: &[Signal], unit: &str, name: &str, nth: usize) -> Option<Fit> {
+        let fits = self.nodes.iter().filter_map(|node| match node.operator {
+            Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => Some(fit),
+            _ => None,
+        });
+        let mut own = fits.filter(|fit| {
+            signals
+                .get(fit.signal)
+                .is_some_and(|signal| signal.unit == unit && signal.name == name)
+        });
+        own.nth(nth)
+    }
+}
+
+impl<const OUTPUTS: usize> Graph<OUTPUTS> {
+    /// Results of one item.
+    pub fn one<P: Probe>(&self, inputs: &[i64], tap: &mut Tap<P>) -> [i64; OUTPUTS] {
+        let results = self.body.one(inputs, tap);
+        self.outputs.map(|wire| results[wire.place()])
+    }
+
+    /// The nodes that some wires depend on.
+    pub fn asked<const N: usize>(&self, wires: [Wire; N]) -> Asked<N> {
+        let (nodes, places) = self.body.asked(&wires);
         Asked {
             nodes,
             wires: wires.map(|wire| places[wire.place()]),
@@ -386,7 +420,7 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     /// Where a result is not fitted.
     pub fn fits(&self) -> [Fit; OUTPUTS] {
         self.outputs
-            .map(|wire| match self.nodes[wire.place()].operator {
+            .map(|wire| match self.body.nodes[wire.place()].operator {
                 Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => fit,
                 other => panic!("{other:?} is not a word"),
             })
@@ -397,32 +431,24 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     /// # Panics
     /// Where there is none.
     pub fn fit_of_signal(&self, signals: &[Signal], unit: &str, name: &str, nth: usize) -> Fit {
-        let fits = self.nodes.iter().filter_map(|node| match node.operator {
-            Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => Some(fit),
-            _ => None,
-        });
-        let mut own = fits.filter(|fit| {
-            signals
-                .get(fit.signal)
-                .is_some_and(|signal| signal.unit == unit && signal.name == name)
-        });
-        own.nth(nth)
+        self.body
+            .fit_of_signal(signals, unit, name, nth)
             .unwrap_or_else(|| panic!("{unit}.{name} is fitted"))
     }
 
     /// Its tables, in the order in which they are looked up.
     pub fn tables(&self) -> &[Table] {
-        &self.functions.tables
+        &self.body.functions.tables
     }
 
     /// Its reciprocals, in the order of its operators.
     pub fn reciprocals(&self) -> &[Reciprocal] {
-        &self.functions.reciprocals
+        &self.body.functions.reciprocals
     }
 
     /// Its roots and inverse roots, in the order of its operators.
     pub fn roots(&self) -> &[ReciprocalRoot] {
-        &self.functions.roots
+        &self.body.functions.roots
     }
 
     /// Products of one item, those of its function units too.
@@ -431,18 +457,20 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         let products = |node: &Node| match node.operator {
             Operator::Product(_) => 1,
             Operator::Reciprocal(_, unit) => {
-                2 * self.functions.reciprocals[unit].shape().newton_steps
+                2 * self.body.functions.reciprocals[unit].shape().newton_steps
             }
-            Operator::InverseRoot(_, unit) => 3 * self.functions.roots[unit].shape().newton_steps,
-            Operator::Root(_, unit) => 3 * self.functions.roots[unit].shape().newton_steps + 1,
+            Operator::InverseRoot(_, unit) => {
+                3 * self.body.functions.roots[unit].shape().newton_steps
+            }
+            Operator::Root(_, unit) => 3 * self.body.functions.roots[unit].shape().newton_steps + 1,
             _ => 0,
         };
-        self.nodes.iter().map(products).sum()
+        self.body.nodes.iter().map(products).sum()
     }
 
     /// The same arithmetic for batches.
     pub fn program(&self) -> Program {
-        compile::program(&self.nodes, &self.functions, &self.outputs)
+        compile::program(&self.body.nodes, &self.body.functions, &self.outputs)
     }
 }
 

@@ -279,7 +279,7 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 Outcome::Values(*of(from))
             }
             Operator::Lookup(from, table) => {
-                let table = &self.functions.tables[table];
+                let table = &self.body.functions.tables[table];
                 each!(from => look_up(table, from).fit(table.fit(), Scale::ONE))
             }
             Operator::Fit(from, ref fit) | Operator::FitShifted(from, _, ref fit) => {
@@ -297,15 +297,15 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 })
             }
             Operator::Reciprocal(from, unit) => {
-                let unit = &self.functions.reciprocals[unit];
+                let unit = &self.body.functions.reciprocals[unit];
                 each!(from => from.reciprocal(unit))
             }
             Operator::InverseRoot(from, unit) => {
-                let unit = &self.functions.roots[unit];
+                let unit = &self.body.functions.roots[unit];
                 each!(from => from.inverse_root(unit))
             }
             Operator::Root(from, unit) => {
-                let unit = &self.functions.roots[unit];
+                let unit = &self.body.functions.roots[unit];
                 each!(from => from.root(unit))
             }
             Operator::Lead(from) => exponents(from, |leading| leading),

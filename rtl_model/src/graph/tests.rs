@@ -249,7 +249,7 @@ fn the_longest_path_is_that_of_the_slowest_operand() {
     let bits = |int: i32| word(int).format.width();
     let start = Path::default();
     let product = start.product(bits(12), bits(9)).fit(bits(16));
-    let sum_bits = graph.nodes[sum.place()].bits();
+    let sum_bits = graph.body.nodes[sum.place()].bits();
     assert!(start.sum(bits(13)).delay < product.delay);
     assert_eq!(
         graph.paths(),

@@ -7,7 +7,7 @@
 //!
 //! Law: `generated_rtl_gives_the_records_of_the_machine` (tests/generated of the bench).
 
-use super::{Functions, Graph, Node, Operator, Wire};
+use super::{Body, Functions, Graph, Node, Operator, Wire};
 use crate::elaboration::Signal;
 use crate::machine::Interpolation;
 use crate::num::{Fit, Format, Overflow};
@@ -69,11 +69,29 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         inputs: &[String],
         outputs: [&str; OUTPUTS],
     ) -> Module {
+        let results: Vec<(Wire, &str)> = self.outputs.into_iter().zip(outputs).collect();
+        self.body.module(signals, name, inputs, &results)
+    }
+
+    /// Whether it has tables.
+    pub fn has_roms(&self) -> bool {
+        self.body.has_roms()
+    }
+}
+
+impl Body {
+    fn module(
+        &self,
+        signals: &[Signal],
+        name: &str,
+        inputs: &[String],
+        outputs: &[(Wire, &str)],
+    ) -> Module {
         let mut writer = Writer {
             nodes: &self.nodes,
             functions: &self.functions,
             signals,
-            needed: self.needed(),
+            needed: self.needed(outputs.iter().map(|(wire, _)| *wire)),
             conditions: self.conditions(),
             written: Vec::new(),
             ranges: vec![[0; 2]; self.nodes.len()],
@@ -85,25 +103,25 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             let written = writer.node(place, inputs);
             writer.written.push(written);
         }
-        let results = self.outputs.map(|wire| match writer.of(wire) {
-            Written::Condition(name) => (name, 1, true),
-            _ => {
-                let (value, bits) = writer.expression(wire);
-                (value, bits, false)
-            }
-        });
-        let outputs: Vec<Port> = results
-            .iter()
-            .zip(outputs)
-            .map(|((_, bits, is_condition), name)| Port {
-                name: name.into(),
-                bits: *bits,
-                is_condition: *is_condition,
-            })
-            .collect();
-        for ((value, ..), port) in results.iter().zip(&outputs) {
-            writer.line(format!("assign {} = {value};", port.name));
+        let mut ports: Vec<Port> = Vec::new();
+        let mut results: Vec<String> = Vec::new();
+        for (wire, name) in outputs {
+            let (value, bits, is_condition) = match writer.of(*wire) {
+                Written::Condition(value) => (value, 1, true),
+                _ => {
+                    let (value, bits) = writer.expression(*wire);
+                    (value, bits, false)
+                }
+            };
+            results.push(format!("assign {name} = {value};"));
+            ports.push(Port {
+                name: (*name).into(),
+                bits,
+                is_condition,
+            });
         }
+        let outputs = ports;
+        results.into_iter().for_each(|line| writer.line(line));
         if !writer.unused.is_empty() {
             let all = writer.unused.join(", ");
             writer.line(format!("wire unused = &{{1'b0, {all}}};"));
@@ -135,8 +153,7 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         }
     }
 
-    /// Whether it has tables.
-    pub fn has_roms(&self) -> bool {
+    fn has_roms(&self) -> bool {
         let Functions {
             tables,
             reciprocals,
@@ -147,11 +164,9 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     }
 
     /// The nodes that a result depends on.
-    fn needed(&self) -> Vec<bool> {
+    fn needed(&self, results: impl Iterator<Item = Wire>) -> Vec<bool> {
         let mut needed = vec![false; self.nodes.len()];
-        self.outputs
-            .iter()
-            .for_each(|wire| needed[wire.place()] = true);
+        results.for_each(|wire| needed[wire.place()] = true);
         for (place, node) in self.nodes.iter().enumerate().rev() {
             if needed[place] {
                 match node.operator {

@@ -498,25 +498,36 @@ impl Discs {
             .units
             .slope_reciprocal
             .lanes(facing.exact().abs(), &mut Tap::new(&mut NoProbe));
-        let scale = |inverse_focal: Scaled| {
-            let step = self
-                .depth_step
-                .words(point.camera[2] * W::splat(inverse_focal.mantissa));
-            let scale = self.slope_scale.words(step * inverse.mantissa);
-            let away = scale.where_else(W::splat(0).above(facing), -scale);
-            (
-                away,
-                W::splat(inverse_focal.places) - inverse.exponent - point.exponent,
-            )
-        };
-        let across = scale(view.inverse_focals()[0]);
+        let across = self.slope_scale(view.inverse_focals()[0], point, &inverse, facing);
         // Square pixels have the same step on both axes.
-        let down = view
-            .aspect
-            .map_or(across, |aspect| scale(aspect.inverse_focal[1]));
+        let down = match view.aspect {
+            None => across,
+            Some(aspect) => self.slope_scale(aspect.inverse_focal[1], point, &inverse, facing),
+        };
         [
             self.depth_slope.words_shifted(across.0 * n[0], across.1),
             self.depth_slope.words_shifted(down.0 * n[1], down.1),
         ]
+    }
+
+    /// The factor of the normal in a depth slope, and its exponent. It is not a closure, because
+    /// vector instructions would not be inlined in one that is called twice.
+    #[inline(always)]
+    fn slope_scale<W: Words>(
+        &self,
+        inverse_focal: Scaled,
+        point: &Projected<W>,
+        inverse: &Scientific<W>,
+        facing: W,
+    ) -> (W, W) {
+        let step = self
+            .depth_step
+            .words(point.camera[2] * W::splat(inverse_focal.mantissa));
+        let scale = self.slope_scale.words(step * inverse.mantissa);
+        let away = scale.where_else(W::splat(0).above(facing), -scale);
+        (
+            away,
+            W::splat(inverse_focal.places) - inverse.exponent - point.exponent,
+        )
     }
 }
