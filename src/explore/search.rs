@@ -21,8 +21,8 @@ pub mod over_fragment;
 pub mod over_timing;
 
 use crate::accuracy::distance;
+use crate::accuracy::screen::{self, Screening, TileSplats, Until};
 use crate::error::{Error, Result};
-use crate::explore::screen::{self, Screening, TileSplats, Until};
 use crate::explore::sweep::columns;
 use crate::explore::sweep::table::{CellKind, Column, Journal, Row, named};
 use crate::explore::sweep::write_plan;
@@ -42,7 +42,7 @@ use crate::scene::digest::{digest, digest_of};
 use crate::scene::{Camera, Scene};
 pub use claims::Claim;
 use claims::Decided;
-use crew::{Measurement, Prefetch, Request};
+use crew::{InTurn, Measurement, Prefetch, Request};
 use descent::{Problem, Settled};
 pub use domain::{Domain, Member};
 use knobs::{Knob, KnobPart, Selection};
@@ -97,6 +97,8 @@ const FIRST_RANGE_VIEW: usize = 1_000_000;
 const PATIENCE: usize = 3;
 /// Most by which a failing view raises the aim, as a factor on the squared error: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
+/// Greatest load of a view that fails after the last steps and raises the aim: 1 dB.
+const LATE: f64 = 1.26;
 
 /// States that a descent takes by samples, per state that is drawn in full as the next reference.
 const STATES_PER_REFERENCE: u32 = 6;
@@ -790,14 +792,16 @@ fn rounds(
         }
         let (name, from) = (worst.name.clone(), worst.short_name().to_owned());
         let stricter = search.stricter;
+        let mut load = found.load_of(&options.target);
         let mut widened = false;
-        // A view that fails only after the last steps is added to the search.
         if is_early {
-            let load;
-            (widened, load) = search.widened(&tried, &views, found.load_of(&options.target))?;
-            if learnt.len() >= PATIENCE && load > 1.0 && load.is_finite() {
-                search.stricter *= load.min(MOST_STRICTER);
-            }
+            (widened, load) = search.widened(&tried, &views, load)?;
+        }
+        // After the last steps, a view that fails by much shows what the others do not show: it is
+        // only added to the search.
+        let is_raised = is_early || load <= LATE;
+        if learnt.len() >= PATIENCE && is_raised && load > 1.0 && load.is_finite() {
+            search.stricter *= load.min(MOST_STRICTER);
         }
         let step = search.step("", &tried)?;
         search.learn(views);
@@ -831,6 +835,38 @@ struct Reference {
     tiles: Vec<Vec<f64>>,
 }
 
+/// How the load of a machine is found while machines are screened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+enum Way {
+    /// [`Until::Likely`].
+    Likely,
+    /// [`Until::Rejected`].
+    Rejected,
+    /// [`Until::Compared`].
+    Compared,
+    /// [`Until::Sure`], and if that does not decide, as [`Way::InTurn`].
+    Decided,
+    /// The views in full, one after another, up to the first that misses the aim.
+    InTurn,
+}
+
+impl Way {
+    fn until(self) -> Option<Until> {
+        match self {
+            Way::Likely => Some(Until::Likely),
+            Way::Rejected => Some(Until::Rejected),
+            Way::Compared => Some(Until::Compared),
+            Way::Decided => Some(Until::Sure),
+            Way::InTurn => None,
+        }
+    }
+
+    /// Whether views are drawn in full if no sample decides.
+    fn is_exact(self) -> bool {
+        matches!(self, Way::Decided | Way::InTurn)
+    }
+}
+
 /// State of screening. It depends only on the requests so far, so that a search that goes on takes
 /// the same decisions.
 #[derive(Default)]
@@ -842,7 +878,7 @@ struct Screens {
     in_full: HashSet<String>,
     /// States taken by samples since the last reference.
     states: u32,
-    until: Option<Until>,
+    way: Option<Way>,
     /// Rounds of giving steps back so far.
     repair: u32,
     /// Whether machines are drawn in full for now.
@@ -887,7 +923,7 @@ struct WordSearch<'a> {
     /// Least integer bits of words that saturated on a failing view.
     least_int_bits: BTreeMap<String, i32>,
     /// Integer bits that words of the base need on the cameras around and the first `measured` views.
-    needed: HashMap<String, i32>,
+    needed: BTreeMap<String, i32>,
     measured: usize,
     /// When the search began, and when it must end.
     start: Instant,
@@ -939,7 +975,7 @@ impl<'a> WordSearch<'a> {
             prefetch: Prefetch::new(),
             stricter: 1.0,
             least_int_bits: BTreeMap::new(),
-            needed: HashMap::new(),
+            needed: BTreeMap::new(),
             measured: 0,
             start: Instant::now(),
             end: None,
@@ -1072,30 +1108,41 @@ impl<'a> WordSearch<'a> {
         let request = Request {
             target: self.options.target,
             screening: None,
+            in_turn: None,
         };
+        let measurement =
+            self.prefetch
+                .taken(&self.views, &request, (&key, &machine), &elaborated)?;
+        self.drawn_in_full(key, &machine, &elaborated, measurement)
+    }
+
+    /// Adds the row of a machine that was drawn on all views; returns its errors.
+    fn drawn_in_full(
+        &mut self,
+        key: String,
+        machine: &Machine,
+        elaborated: &Elaborated,
+        measurement: Measurement,
+    ) -> Result<SearchErrors> {
+        self.spend(&measurement);
         let Measurement {
             found,
             tiles,
             seconds,
-            comparing,
             ..
-        } = self
-            .prefetch
-            .taken(&self.views, &request, (&key, &machine), &elaborated)?;
-        self.spent.drawing += seconds - comparing;
-        self.spent.comparing += comparing;
+        } = measurement;
         let found = found.unwrap_or_else(|| Err("it was not measured".into()));
         let misfit = found.as_ref().err().cloned();
         let found = found.unwrap_or(UNUSABLE);
-        self.keep_drawn(key.clone(), found, &machine, tiles);
-        let area = Cost::new(&elaborated, &self.options.prices).area;
+        self.keep_drawn(key.clone(), found, machine, tiles);
+        let area = Cost::new(elaborated, &self.options.prices).area;
         let (point, scene) = (self.next_point(), self.view_names());
         let seen = misfit.is_none();
         let mut row: Row = vec![
             json!(point),
             json!(key),
             json!(scene),
-            json!(self.changes(&machine)),
+            json!(self.changes(machine)),
             json!(self.method),
             json!(misfit),
             json!(found.psnr_db.filter(|_| seen)),
@@ -1119,6 +1166,18 @@ impl<'a> WordSearch<'a> {
         self.store(key, row)?;
         self.report(area, found.psnr_db_of(&self.options.target));
         Ok(found)
+    }
+
+    fn spend(&mut self, measurement: &Measurement) {
+        let Measurement {
+            seconds,
+            sampling,
+            comparing,
+            ..
+        } = measurement;
+        self.spent.drawing += seconds - sampling - comparing;
+        self.spent.screening += sampling;
+        self.spent.comparing += comparing;
     }
 
     /// Adds a row to the journal.
@@ -1202,10 +1261,12 @@ impl<'a> WordSearch<'a> {
         }
     }
 
-    /// What machines are compared with; `None` if there is no reference yet.
-    fn screening(&mut self, until: Until) -> Result<Option<Screening>> {
+    /// What is measured of a machine that is screened; `None` if there is no reference to compare it
+    /// with yet.
+    fn request(&mut self, way: Way) -> Result<Option<Request>> {
         let stricter = self.stricter_by_samples();
         let nth = self.screens.nth;
+        let target = self.options.target;
         let Some(reference) = &mut self.screens.reference else {
             return Ok(None);
         };
@@ -1213,29 +1274,45 @@ impl<'a> WordSearch<'a> {
             // Its row was written by an earlier process.
             let elaborated = fixed::elaborate(&reference.machine)?;
             for view in &self.views {
-                let drawn = drawn(&elaborated, view, &self.options.target)?;
+                let drawn = drawn(&elaborated, view, &target)?;
                 reference.tiles.push(drawn.tiles);
             }
         }
         let is_usable = reference.views == self.views.len()
             && reference.tiles.iter().all(|tiles| !tiles.is_empty());
-        Ok(is_usable.then(|| Screening {
-            reference: reference.tiles.clone(),
-            stricter,
-            nth,
-            until,
+        if !is_usable {
+            return Ok(None);
+        }
+        // The view that the reference hardly meets comes first.
+        let loads: Vec<f64> = (self.views.iter().zip(&reference.tiles))
+            .map(|(view, tiles)| {
+                let allowed = screen::allowed(&view.golden, target.psnr_db.unwrap_or(0.0));
+                tiles.iter().sum::<f64>() / allowed
+            })
+            .collect();
+        let mut order: Vec<usize> = (0..self.views.len()).collect();
+        order.sort_by(|a, b| loads[*b].total_cmp(&loads[*a]));
+        Ok(Some(Request {
+            target,
+            screening: way.until().map(|until| Screening {
+                reference: reference.tiles.clone(),
+                stricter,
+                nth,
+                until,
+            }),
+            in_turn: way.is_exact().then_some(InTurn { order, stricter }),
         }))
     }
 
     /// Key of a screened machine's row.
-    fn screened_key(&self, key: &str, until: Until) -> Option<String> {
+    fn screened_key(&self, key: &str) -> Option<String> {
         let reference = self.screens.reference.as_ref()?;
         let all = json!([
             key,
             reference.key,
             self.screens.nth,
             self.stricter_by_samples(),
-            until,
+            self.way(),
             self.options.target
         ]);
         Some(digest(all.to_string().as_bytes()))
@@ -1246,11 +1323,11 @@ impl<'a> WordSearch<'a> {
         self.stricter * libm::pow(REPAIR, f64::from(self.screens.repair))
     }
 
-    fn until(&self) -> Until {
-        self.screens.until.unwrap_or(Until::Likely)
+    fn way(&self) -> Way {
+        self.screens.way.unwrap_or(Way::Likely)
     }
 
-    /// A load by a sample, if the machine can be screened and was not drawn in full.
+    /// A load, if the machine can be screened and was not drawn on all views. If it must be, it is.
     fn screened(&mut self, steps: &[u32]) -> Result<Option<f64>> {
         if !self.screens() {
             return Ok(None);
@@ -1258,30 +1335,34 @@ impl<'a> WordSearch<'a> {
         let Some((key, machine, elaborated)) = self.keyed(steps) else {
             return Ok(None);
         };
-        let until = self.until();
-        let Some(own) = self.screened_key(&key, until) else {
+        let Some(own) = self.screened_key(&key) else {
             return Ok(None);
         };
         if self.screens.in_full.contains(&key) {
             return Ok(None);
         }
+        let way = self.way();
         let load = match self.known_load(&own) {
             Some(load) => load,
+            // An earlier process drew it on all views, because samples did not decide.
+            None if way.is_exact() && self.known.contains_key(&key) => return Ok(None),
             None => {
                 self.check_time()?;
-                let Some(screening) = self.screening(until)? else {
+                let Some(request) = self.request(way)? else {
                     return Ok(None);
                 };
-                let request = Request {
-                    target: self.options.target,
-                    screening: Some(screening),
-                };
+                let measurement =
+                    self.prefetch
+                        .taken(&self.views, &request, (&own, &machine), &elaborated)?;
+                if measurement.found.is_some() {
+                    self.requested.insert(key.clone());
+                    self.drawn_in_full(key, &machine, &elaborated, measurement)?;
+                    return Ok(None);
+                }
+                self.spend(&measurement);
                 let Measurement {
                     estimate, seconds, ..
-                } = self
-                    .prefetch
-                    .taken(&self.views, &request, (&own, &machine), &elaborated)?;
-                self.spent.screening += seconds;
+                } = measurement;
                 let Some(estimate) = estimate else {
                     return Ok(None);
                 };
@@ -1351,19 +1432,15 @@ impl<'a> WordSearch<'a> {
         met
     }
 
-    fn until_is<T>(
-        &mut self,
-        until: Until,
-        work: impl FnOnce(&mut Self) -> Result<T>,
-    ) -> Result<T> {
-        let before = self.screens.until.replace(until);
+    fn by<T>(&mut self, way: Way, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+        let before = self.screens.way.replace(way);
         let done = work(self);
-        self.screens.until = before;
+        self.screens.way = before;
         done
     }
 
     fn given_back(&mut self, steps: &[u32]) -> Result<Vec<u32>> {
-        self.until_is(Until::Compared, |search| descent::given_back(search, steps))
+        self.by(Way::Compared, |search| descent::given_back(search, steps))
     }
 
     /// Takes steps away until each fails; by samples, in several passes.
@@ -1373,9 +1450,7 @@ impl<'a> WordSearch<'a> {
         }
         let mut steps = steps.to_vec();
         for _ in 0..PASSES {
-            let down = self.until_is(Until::Rejected, |search| {
-                descent::taken_away(search, &steps)
-            })?;
+            let down = self.by(Way::Rejected, |search| descent::taken_away(search, &steps))?;
             let down = self.met(down)?;
             if self.area(&down) >= self.area(&steps) {
                 break;
@@ -1426,18 +1501,7 @@ impl<'a> WordSearch<'a> {
                 return Err(Error::job("the budget of time is over"));
             }
             let scene = scene?;
-            let Ok(quantised) = quantise(&scene, &self.base) else {
-                continue;
-            };
-            let (_, ranges, _) = fixed::draw_measured(&elaborated, &quantised);
-            for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
-                if let Some(narrowest) = range.narrowest(signal.word.format) {
-                    let bits = needed
-                        .entry(format!("{}.{}", signal.unit, signal.name))
-                        .or_insert(i32::MIN);
-                    *bits = (*bits).max(narrowest.int_bits);
-                }
-            }
+            needed_bits(&elaborated, &scene, &mut needed);
         }
         self.measured = self.views.len();
         self.needed.clone_from(&needed);
@@ -1602,21 +1666,71 @@ impl<'a> WordSearch<'a> {
         Ok(settled)
     }
 
-    /// Settles by samples first, then exactly.
-    fn settled(&mut self, mut from: Vec<u32>) -> Result<Settled> {
+    /// Removes the integer bits that no value on the searched views needs: their pictures stay the
+    /// same.
+    fn without_spare_bits(&mut self, from: Vec<u32>) -> Result<Vec<u32>> {
+        let Some(machine) = self.machine(&from) else {
+            return Ok(from);
+        };
+        let elaborated = fixed::elaborate(&machine)?;
+        let mut needed = BTreeMap::new();
+        for view in &self.views {
+            needed_bits(&elaborated, &view.scene, &mut needed);
+        }
+        let formats: HashMap<String, Format> = machines::words(&machine).into_iter().collect();
+        let spare = |knob: &Knob| -> Option<u32> {
+            let bits = formats.get(&knob.path)?.int_bits - needed.get(&knob.path)?;
+            u32::try_from(bits).ok()
+        };
+        let spare: Vec<(usize, u32)> = (self.knobs.len()..)
+            .zip(&self.integers)
+            .filter_map(|(place, knob)| Some((place, spare(knob)?.min(knob.most - from[place]))))
+            .collect();
+        let mut steps = from;
+        // A word may hold values that do not show in ranges, such as a constant of the scene.
+        let mut groups = vec![spare];
+        while let Some(mut group) = groups.pop() {
+            let mut next = steps.clone();
+            for (place, bits) in &group {
+                for _ in 0..*bits {
+                    let mut less = next.clone();
+                    less[*place] += 1;
+                    if !descent::is_no_larger(self, &next, &less) {
+                        break;
+                    }
+                    next = less;
+                }
+            }
+            if next == steps {
+                continue;
+            }
+            if self.by(Way::Decided, |search| search.load(&next))? <= 1.0 {
+                steps = next;
+            } else if group.len() > 1 {
+                groups.push(group.split_off(group.len() / 2));
+                groups.push(group);
+            }
+        }
+        Ok(steps)
+    }
+
+    /// Takes steps together first, if samples tell how much harm each does; then settles.
+    fn settled(&mut self, from: Vec<u32>) -> Result<Settled> {
+        let mut from = self.without_spare_bits(from)?;
         if self.screens() {
-            let likely = descent::settled(self, &from)?.steps;
-            from = self.met(likely)?;
+            from = self.by(Way::Decided, |search| {
+                descent::taken_together(search, &from)
+            })?;
         }
         self.settled_exactly(&from)
     }
 
     fn settled_exactly(&mut self, from: &[u32]) -> Result<Settled> {
-        self.until_is(Until::Sure, |search| descent::settled(search, from))
+        self.by(Way::Decided, |search| descent::settled(search, from))
     }
 
-    /// Draws each single step in full that a sample rejected; takes those that meet the aim
-    /// nevertheless. Returns `None` if there is none.
+    /// Draws each single step in full, on one view after another until one misses the aim. Takes
+    /// those that meet the aim, although a sample rejected them. Returns `None` if there is none.
     fn settled_again(
         &mut self,
         steps: &[u32],
@@ -1627,15 +1741,22 @@ impl<'a> WordSearch<'a> {
         }
         let area = self.area(steps).unwrap_or(f64::INFINITY);
         let most: Vec<u32> = self.all_knobs().map(|knob| knob.most).collect();
-        let mut is_open = false;
+        let mut single: Vec<Vec<u32>> = Vec::new();
         for knob in (0..most.len()).filter(|knob| steps[*knob] < most[*knob]) {
             let mut next = steps.to_vec();
             next[knob] += 1;
             if self.area(&next).is_some_and(|after| after <= area) {
-                let found = self.found(&next)?;
-                is_open |= self.load_of(&found) <= 1.0;
+                single.push(next);
             }
         }
+        let is_open = self.by(Way::InTurn, |search| {
+            search.prefetch(&single)?;
+            let mut is_open = false;
+            for next in &single {
+                is_open |= search.load(next)? <= 1.0;
+            }
+            Ok(is_open)
+        })?;
         if !is_open {
             return Ok(None);
         }
@@ -1654,24 +1775,9 @@ impl<'a> WordSearch<'a> {
             return Ok((false, load));
         };
         let elaborated = fixed::elaborate(&machine)?;
-        let mut needed: BTreeMap<String, i32> = BTreeMap::new();
+        let mut needed = BTreeMap::new();
         for view in views {
-            let Ok(quantised) = quantise(&view.scene, &machine) else {
-                continue;
-            };
-            let (_, ranges, _) = fixed::draw_measured(&elaborated, &quantised);
-            for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
-                let format = signal.word.format;
-                let narrowest = range
-                    .narrowest(format)
-                    .filter(|narrowest| narrowest.int_bits > format.int_bits);
-                if let Some(narrowest) = narrowest {
-                    let bits = needed
-                        .entry(format!("{}.{}", signal.unit, signal.name))
-                        .or_insert(i32::MIN);
-                    *bits = (*bits).max(narrowest.int_bits);
-                }
-            }
+            needed_bits(&elaborated, &view.scene, &mut needed);
         }
         let of_base: HashMap<String, Format> = machines::words(&self.base).into_iter().collect();
         let [now, mut wider] = [&machine, &machine].map(machines::value);
@@ -2201,13 +2307,24 @@ impl Problem for WordSearch<'_> {
         })
     }
 
+    fn is_gradual(&self, knob: usize) -> bool {
+        knob < self.knobs.len()
+    }
+
+    fn compared(&mut self, all: &[Vec<u32>]) -> Result<Vec<f64>> {
+        self.by(Way::Compared, |search| {
+            search.prefetch(all)?;
+            all.iter().map(|steps| search.load(steps)).collect()
+        })
+    }
+
     fn took(&mut self, steps: &[u32]) -> Result<Option<f64>> {
         if !self.screens() {
             return Ok(None);
         }
         self.screens.states += 1;
         // The last steps end in the machine that is reported: a sample only rejects there.
-        if self.screens.states < STATES_PER_REFERENCE && self.until() != Until::Sure {
+        if self.screens.states < STATES_PER_REFERENCE && self.way() != Way::Decided {
             return Ok(None);
         }
         self.screens.states = 0;
@@ -2223,18 +2340,17 @@ impl Problem for WordSearch<'_> {
         if self.width() == 1 {
             return Ok(());
         }
-        let until = self.until();
-        let screening = match self.screens() {
-            true => self.screening(until)?,
+        let request = match self.screens() {
+            true => self.request(self.way())?,
             false => None,
         };
-        let is_screened = screening.is_some();
+        let is_screened = request.is_some();
         let mut machines: Vec<(String, Machine)> = Vec::new();
         for (key, machine, _) in steps.iter().filter_map(|steps| self.keyed(steps)) {
             if self.screens.in_full.contains(&key) {
                 continue;
             }
-            let key = match self.screened_key(&key, until) {
+            let key = match self.screened_key(&key) {
                 Some(own) if is_screened => own,
                 _ => key,
             };
@@ -2242,10 +2358,11 @@ impl Problem for WordSearch<'_> {
                 machines.push((key, machine));
             }
         }
-        let request = Request {
+        let request = request.unwrap_or(Request {
             target: self.options.target,
-            screening,
-        };
+            screening: None,
+            in_turn: None,
+        });
         self.prefetch.measure(&self.views, &request, &machines)
     }
 
@@ -2259,13 +2376,31 @@ impl Problem for WordSearch<'_> {
         };
         if self.screens()
             && !self.screens.in_full.contains(&key)
-            && let Some(own) = self.screened_key(&key, self.until())
+            && let Some(own) = self.screened_key(&key)
         {
             let estimate = || Some(self.prefetch.get(&own)?.estimate?.load);
-            return self.known_load(&own).or_else(estimate);
+            let known = self.known_load(&own).or_else(estimate);
+            return known.or_else(|| measured(&own));
         }
         let known = self.known(&key).map(|found| self.load_of(&found));
         known.or_else(|| measured(&key))
+    }
+}
+
+/// Integer bits that words of a machine need on a scene, so that none leaves its range; the most over
+/// all calls. Nothing if it cannot hold the scene.
+fn needed_bits(elaborated: &Elaborated, scene: &Scene, needed: &mut BTreeMap<String, i32>) {
+    let Ok(quantised) = quantise(scene, &elaborated.machine) else {
+        return;
+    };
+    let (_, ranges, _) = fixed::draw_measured(elaborated, &quantised);
+    for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
+        if let Some(narrowest) = range.narrowest(signal.word.format) {
+            let bits = needed
+                .entry(format!("{}.{}", signal.unit, signal.name))
+                .or_insert(i32::MIN);
+            *bits = (*bits).max(narrowest.int_bits);
+        }
     }
 }
 

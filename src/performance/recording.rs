@@ -1,18 +1,14 @@
 //! Recording: a frame's work in a file, so that its time can be computed again without drawing it.
 //!
 //! ```text
-//! run --record FILE ─► "splatsim-work-5\n", machine and scene's name, events ─► replay FILE: any
-//! timing of the same machine
-//!                      "splatsim-work-6\n", the same, and the keys of sorted splats, where buckets depend on them
-//!                      "splatsim-work-7\n", the same, and the words of splats, where tests of tiles depend on them
-//!                      "splatsim-work-8\n", the same, and the masks of blocks, where blocks are tested
-//!                      "splatsim-work-9\n", the same, and the lists of tiles, where they are kept from frame to frame
+//! run --record FILE ─► FILE (cosim/work_file.rs) ─► replay FILE: any timing of the same machine
 //! ```
 //! The events depend on all fields of a machine except `timing`: only `timing` can be changed.
 //!
 //! Laws (tests/recording.rs): `a_record_that_is_read_is_the_one_that_was_written`,
 //! `no_damage_is_taken_for_a_record`, `a_replay_takes_the_cycles_of_the_run`.
 
+use crate::cosim::work_file::{HEAD, WorkFile, is_head};
 use crate::error::{Error, Result};
 use crate::hardware::quantise::lacks_tile_bits;
 use crate::hardware::{fixed, machines};
@@ -35,30 +31,9 @@ use rtl_model::machine::{Sort, SortKind};
 use rtl_model::num::Word;
 use rtl_model::timing::{Detail, RecordedFrame};
 use rtl_model::work::{TestedWords, Work};
-use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-
-/// Beginning of a file of this kind.
-const MAGIC: &[u8] = b"splatsim-work-5\n";
-/// Beginning of a file with keys at its end.
-const MAGIC_WITH_KEYS: &[u8] = b"splatsim-work-6\n";
-/// Beginning of a file with keys, which may be empty, and words for tests of tiles at its end.
-const MAGIC_WITH_WORDS: &[u8] = b"splatsim-work-7\n";
-/// Beginning of a file with keys and words, which may be empty, and masks of blocks at its end.
-const MAGIC_WITH_MASKS: &[u8] = b"splatsim-work-8\n";
-/// Beginning of a file with keys, words and masks, which may be empty, and lists that are kept from
-/// frame to frame at its end.
-const MAGIC_WITH_LISTS: &[u8] = b"splatsim-work-9\n";
-/// All beginnings.
-const MAGICS: [&[u8]; 5] = [
-    MAGIC,
-    MAGIC_WITH_KEYS,
-    MAGIC_WITH_WORDS,
-    MAGIC_WITH_MASKS,
-    MAGIC_WITH_LISTS,
-];
 
 /// Columns and rows of the roofline.
 const ROOFLINE_PX: [u32; 2] = [860, 600];
@@ -74,15 +49,6 @@ pub struct Recording {
     pub work: Work,
 }
 
-/// Contents of the file.
-#[derive(Serialize, Deserialize)]
-struct FileContents {
-    scene: String,
-    /// JSON.
-    machine: String,
-    work: Work,
-}
-
 /// Outcome of a replay.
 #[derive(Clone, Debug)]
 pub struct Replayed {
@@ -94,7 +60,6 @@ pub struct Replayed {
     pub answers: Option<Answers>,
     /// Requests to memory, if requested.
     pub requests: Option<Requests>,
-    /// Area of the machine, and energy of the frame.
     /// Area of the machine, and energy of the frame.
     pub cost: CostReport,
 }
@@ -124,8 +89,8 @@ impl Recording {
         let is_recording = || {
             let mut begins = Vec::new();
             let read = fs::File::open(path)
-                .and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
-            read.is_ok() && (begins.is_empty() || MAGICS.contains(&&begins[..]))
+                .and_then(|file| file.take(HEAD as u64).read_to_end(&mut begins));
+            read.is_ok() && (begins.is_empty() || is_head(&begins))
         };
         if path.exists() && !(path.is_file() && is_recording()) {
             return input_error("it exists and is not a recording");
@@ -140,48 +105,12 @@ impl Recording {
     pub fn write(self, path: &Path) -> Result<()> {
         let machine =
             serde_json::to_string(&self.machine).map_err(|error| Error::job(error.to_string()))?;
-        let parts = FileContents {
+        let file = WorkFile {
             scene: self.scene,
             machine,
             work: self.work,
         };
-        let Work {
-            keys,
-            tested,
-            cutoff,
-            lists,
-            ..
-        } = &parts.work;
-        let masks = parts.work.masks();
-        let magic = match (keys.is_empty(), tested.is_empty()) {
-            _ if lists.is_some() => MAGIC_WITH_LISTS,
-            _ if !masks.is_empty() => MAGIC_WITH_MASKS,
-            (true, true) => MAGIC,
-            (false, true) => MAGIC_WITH_KEYS,
-            (_, false) => MAGIC_WITH_WORDS,
-        };
-        write_beside(path, |file| {
-            file.write_all(magic).map_err(|error| error.to_string())?;
-            // On a full disk, postcard's own error reports a full buffer.
-            let written = postcard::to_io(&parts, &mut *file).map(|_| ());
-            let written = written.and_then(|()| match magic {
-                MAGIC => Ok(()),
-                MAGIC_WITH_KEYS => postcard::to_io(keys, &mut *file).map(|_| ()),
-                MAGIC_WITH_MASKS => {
-                    postcard::to_io(&(keys, tested, cutoff, &masks), &mut *file).map(|_| ())
-                }
-                MAGIC_WITH_LISTS => {
-                    let all = (keys, tested, cutoff, &masks, lists);
-                    postcard::to_io(&all, &mut *file).map(|_| ())
-                }
-                _ => postcard::to_io(&(keys, tested, cutoff), &mut *file).map(|_| ()),
-            });
-            written.map_err(|error| {
-                file.flush()
-                    .err()
-                    .map_or(error.to_string(), |e| e.to_string())
-            })
-        })
+        write_beside(path, |to| file.write(to))
     }
 
     /// Reads a file written by [`write`](Self::write).
@@ -192,46 +121,8 @@ impl Recording {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
         let bytes =
             input::read(path).map_err(|error| input_error(&format!("cannot be read: {error}")))?;
-        let (magic, rest) = (MAGICS.into_iter())
-            .find_map(|magic| Some((magic, bytes.strip_prefix(magic)?)))
-            .ok_or_else(|| {
-                input_error("is not a record of a frame's work, as `run --record` writes it")
-            })?;
         let damaged = |what: &str| input_error(&format!("is damaged: {what}"));
-        let (mut parts, mut left): (FileContents, &[u8]) = postcard::take_from_bytes(rest)
-            .map_err(|_| damaged("it is truncated or has invalid values"))?;
-        if magic == MAGIC_WITH_KEYS {
-            (parts.work.keys, left) =
-                postcard::take_from_bytes(left).map_err(|_| damaged("its keys are truncated"))?;
-        }
-        if magic == MAGIC_WITH_WORDS {
-            let work = &mut parts.work;
-            ((work.keys, work.tested, work.cutoff), left) = postcard::take_from_bytes(left)
-                .map_err(|_| damaged("its keys or its words are truncated"))?;
-        }
-        if magic == MAGIC_WITH_MASKS {
-            let work = &mut parts.work;
-            let masks: Vec<u16>;
-            ((work.keys, work.tested, work.cutoff, masks), left) = postcard::take_from_bytes(left)
-                .map_err(|_| damaged("its keys, its words or its masks are truncated"))?;
-            work.take_masks(&masks).map_err(|what| damaged(&what))?;
-        }
-        if magic == MAGIC_WITH_LISTS {
-            let work = &mut parts.work;
-            let masks: Vec<u16>;
-            (
-                (work.keys, work.tested, work.cutoff, masks, work.lists),
-                left,
-            ) = postcard::take_from_bytes(left).map_err(|_| {
-                damaged("its keys, its words, its masks or its lists are truncated")
-            })?;
-            if !masks.is_empty() {
-                work.take_masks(&masks).map_err(|what| damaged(&what))?;
-            }
-        }
-        if !left.is_empty() {
-            return Err(damaged("it has data after its end"));
-        }
+        let parts = WorkFile::read(&bytes).map_err(|what| input_error(&what))?;
         let machine =
             serde_json::from_str(&parts.machine).map_err(|_| damaged("its machine is not JSON"))?;
         let machine = machines::from_value(&machine, &format!("{}: its machine", path.display()))?;

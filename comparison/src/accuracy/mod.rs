@@ -8,6 +8,7 @@ mod metrics;
 pub mod partial;
 pub mod proofs;
 pub mod ranges;
+pub mod screen;
 
 pub use error_picture::{ErrorPicture, error_picture};
 pub use lockstep::{

@@ -6,3 +6,4 @@ pub mod live;
 pub mod scoreboard;
 pub mod trace;
 pub mod words;
+pub mod work_file;

@@ -9,8 +9,8 @@
 //! measure likely next machines in advance. A wrong guess only costs time.
 
 use super::{Drawn, SearchErrors, View, drawn, worst_of};
+use crate::accuracy::screen::{Estimate, Screening};
 use crate::error::{Error, Result};
-use crate::explore::screen::{Estimate, Screening};
 use crate::hardware::fixed;
 use crate::hardware::searched::Target;
 use crate::run::timed;
@@ -54,20 +54,34 @@ pub fn on_crew<T>(crew: Box<dyn Crew>, work: impl FnOnce() -> T) -> T {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Request {
     pub target: Target,
-    /// Set if a sample of the tiles is enough.
+    /// Set if a sample of the tiles may be enough.
     pub screening: Option<Screening>,
+    /// Set if the first view that misses the aim is enough.
+    pub in_turn: Option<InTurn>,
+}
+
+/// How views are drawn one after another.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct InTurn {
+    /// Indices of all views.
+    pub order: Vec<usize>,
+    /// Factor by which the allowed squared error is less than the target's.
+    pub stricter: f64,
 }
 
 /// What was measured of a machine.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Measurement {
-    /// Errors on all views, or why there are none; `None` if the machine was only screened.
+    /// Errors on all views, or why there are none; `None` if the machine was not drawn on all.
     pub found: Option<std::result::Result<SearchErrors, String>>,
-    /// Load on samples of all views; `None` if they do not decide.
+    /// Load on samples of all views, or on the first view that misses the aim; `None` if they do
+    /// not decide.
     pub estimate: Option<Estimate>,
     /// Squared error per tile, of each view that was drawn in full.
     pub tiles: Vec<Vec<f64>>,
     pub seconds: f64,
+    /// Part of `seconds` for samples.
+    pub sampling: f64,
     /// Part of `seconds` in which pictures were compared.
     pub comparing: f64,
 }
@@ -75,46 +89,74 @@ pub(super) struct Measurement {
 impl Measurement {
     /// Draws in this process.
     pub fn on(views: &[&View], elaborated: &Elaborated, request: &Request) -> Self {
-        let Request { target, screening } = request;
-        if let Some(screening) = screening {
-            let estimate = || {
-                let views: Option<Vec<_>> = views.iter().map(|view| view.sampled(target)).collect();
-                views.map_or(Ok(None), |views| {
-                    screening.estimate(&views, elaborated, target.max_error)
-                })
-            };
-            let (estimate, seconds) = timed(estimate);
-            return Measurement {
-                found: None,
-                // A machine that cannot hold a view fails with a sentence when it is drawn in full.
-                estimate: estimate.unwrap_or_default(),
-                tiles: Vec::new(),
-                seconds,
-                comparing: 0.0,
-            };
-        }
-        let draw = || {
-            views
-                .iter()
-                .map(|view| drawn(elaborated, view, target))
-                .collect::<Result<Vec<Drawn>>>()
+        let Request {
+            target,
+            screening,
+            in_turn,
+        } = request;
+        let estimate = || {
+            let screening = screening.as_ref()?;
+            let views: Option<Vec<_>> = views.iter().map(|view| view.sampled(target)).collect();
+            // A machine that cannot hold a view fails with a sentence when it is drawn in full.
+            let estimate = screening.estimate(&views?, elaborated, target.max_error);
+            estimate.unwrap_or_default()
         };
-        let (all, seconds) = timed(draw);
-        let found = match &all {
-            Ok(all) => {
-                let found: Vec<SearchErrors> = all.iter().map(|drawn| drawn.found).collect();
-                Ok(worst_of(&found))
+        let (estimate, sampling) = timed(estimate);
+        let mut measurement = Measurement {
+            found: None,
+            estimate,
+            tiles: Vec::new(),
+            seconds: sampling,
+            sampling,
+            comparing: 0.0,
+        };
+        if estimate.is_none() && (screening.is_none() || in_turn.is_some()) {
+            let ((), seconds) = timed(|| measurement.draw(views, elaborated, target, in_turn));
+            measurement.seconds += seconds;
+        }
+        measurement
+    }
+
+    /// Draws the views in full: all of them, or up to the first that misses the aim.
+    fn draw(
+        &mut self,
+        views: &[&View],
+        elaborated: &Elaborated,
+        target: &Target,
+        in_turn: &Option<InTurn>,
+    ) {
+        let given = || (0..views.len()).collect();
+        let order: Vec<usize> = in_turn.as_ref().map_or_else(given, |of| of.order.clone());
+        let mut all: Vec<Option<Drawn>> = views.iter().map(|_| None).collect();
+        for (nth, view) in order.iter().enumerate() {
+            let drawn = match drawn(elaborated, views[*view], target) {
+                Ok(drawn) => drawn,
+                Err(error) => {
+                    self.found = Some(Err(error.to_string()));
+                    return;
+                }
+            };
+            self.comparing += drawn.comparing;
+            if let Some(InTurn { stricter, .. }) = in_turn {
+                let load = drawn.found.load_of(target) * stricter;
+                if load > 1.0 && nth + 1 < order.len() {
+                    let tiles = (nth + 1) * drawn.tiles.len();
+                    self.estimate = Some(Estimate {
+                        tiles: tiles as u64,
+                        load,
+                        low: load,
+                        high: load,
+                        max_error: drawn.found.max_error_of(target),
+                    });
+                    return;
+                }
             }
-            Err(error) => Err(error.to_string()),
-        };
-        let all = all.unwrap_or_default();
-        Measurement {
-            found: Some(found),
-            estimate: None,
-            comparing: all.iter().map(|drawn| drawn.comparing).sum(),
-            tiles: all.into_iter().map(|drawn| drawn.tiles).collect(),
-            seconds,
+            all[*view] = Some(drawn);
         }
+        let all: Vec<Drawn> = all.into_iter().flatten().collect();
+        let found: Vec<SearchErrors> = all.iter().map(|drawn| drawn.found).collect();
+        self.found = Some(Ok(worst_of(&found)));
+        self.tiles = all.into_iter().map(|drawn| drawn.tiles).collect();
     }
 }
 
@@ -244,5 +286,84 @@ impl Prefetch {
         }
         self.measure(views, request, &[(key.to_owned(), machine.clone())])?;
         Ok(self.measured.remove(key).unwrap_or_else(here))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::explore::search::{Against, Domain, Metric};
+    use crate::scene::{Overrides, Scene};
+
+    /// Two views of a scene of few splats.
+    fn views(machine: &Machine) -> Vec<View> {
+        let overrides = Overrides {
+            size: Some((32, 32)),
+        };
+        let mut scene = Scene::load("glass-spheres", &overrides).unwrap();
+        scene.splats = scene.splats.into_iter().step_by(40).collect();
+        scene
+            .splats
+            .iter_mut()
+            .for_each(|splat| splat.radius *= 6.0);
+        let domain = Domain::around(scene);
+        [1, 2]
+            .map(|nth| View::new(0, domain.nth(nth).unwrap(), machine).with_ideal())
+            .into()
+    }
+
+    #[test]
+    fn views_are_drawn_up_to_the_first_that_misses_the_aim() {
+        let machine = Machine::named("reference").unwrap();
+        let elaborated = machine.elaborate().unwrap();
+        let views = views(&machine);
+        let views: Vec<&View> = views.iter().collect();
+        let target = Target {
+            psnr_db: Some(50.0),
+            max_error: None,
+            frames_per_second: None,
+            no_saturation: false,
+            against: Against::Golden,
+            metric: Metric::Psnr,
+        };
+        let measured = |stricter: Option<f64>, order: [usize; 2]| {
+            let request = Request {
+                target,
+                screening: None,
+                in_turn: stricter.map(|stricter| InTurn {
+                    order: order.into(),
+                    stricter,
+                }),
+            };
+            Measurement::on(&views, &elaborated, &request)
+        };
+        let whole = measured(None, [0, 1]);
+        let found = whole.found.unwrap().unwrap();
+        assert!(found.load_of(&target) <= 1.0);
+        assert_eq!(whole.estimate, None);
+        let tiles = whole.tiles[0].len();
+        // All meet it: the same as without an order.
+        for order in [[0, 1], [1, 0]] {
+            let in_turn = measured(Some(1.0), order);
+            assert_eq!(in_turn.found.unwrap().unwrap(), found);
+            assert_eq!(in_turn.tiles, whole.tiles);
+            assert_eq!(in_turn.estimate, None);
+        }
+        // None meets it: the first is enough.
+        let alone: Vec<f64> = views
+            .iter()
+            .map(|view| {
+                let drawn = drawn(&elaborated, view, &target).unwrap();
+                1e6 * drawn.found.load_of(&target)
+            })
+            .collect();
+        for order in [[0, 1], [1, 0]] {
+            let in_turn = measured(Some(1e6), order);
+            assert_eq!(in_turn.found, None);
+            let estimate = in_turn.estimate.unwrap();
+            assert_eq!(estimate.tiles, tiles as u64);
+            assert_eq!(estimate.load, alone[order[0]]);
+            assert!(estimate.low > 1.0);
+        }
     }
 }

@@ -40,6 +40,21 @@ pub trait Problem {
         self.load(steps)
     }
 
+    /// Whether a step of the knob does harm everywhere alike, so that loads which are only compared
+    /// show it.
+    fn is_gradual(&self, _knob: usize) -> bool {
+        true
+    }
+
+    /// Loads that are only compared with each other: they may be less exact than [`Problem::load`].
+    ///
+    /// # Errors
+    /// As [`Problem::load`].
+    fn compared(&mut self, all: &[Vec<u32>]) -> Result<Vec<f64>> {
+        self.prefetch(all)?;
+        all.iter().map(|steps| self.load(steps)).collect()
+    }
+
     /// Learns the state that a descent is in now. Returns its load if that was measured again, more
     /// exactly than before.
     ///
@@ -70,6 +85,8 @@ pub trait Problem {
 
 /// Replaces an infinite load.
 const LARGEST_LOAD: f64 = 1e12;
+/// A step with a greater load fails clearly.
+const CLEARLY: f64 = 1.02;
 /// Less harm than this counts as none.
 const LEAST_HARM: f64 = 1e-3;
 /// Rise as a part of the area that annealing accepts in two of five cases, at the start and at the
@@ -342,6 +359,62 @@ pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
     Ok(steps)
 }
 
+/// From a state that meets the target: compares a step of each knob, and takes at once those that
+/// together should still meet the target, most area per harm first; half as many if they miss it.
+/// Repeats this until no step is taken.
+pub fn taken_together(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> {
+    let most = problem.most();
+    let mut steps = from.to_vec();
+    loop {
+        let exact = took(problem, &steps)?;
+        let Some(area) = problem.area(&steps) else {
+            return Ok(steps);
+        };
+        let mut open = open_steps(problem, &steps, &most);
+        open.retain(|knob| problem.is_gradual(*knob));
+        let mut all: Vec<Vec<u32>> = open
+            .iter()
+            .map(|knob| with(&steps, *knob, steps[*knob] + 1))
+            .collect();
+        all.push(steps.clone());
+        let loads = problem.compared(&all)?;
+        let now = loads[open.len()].min(LARGEST_LOAD);
+        let mut rated: Vec<(f64, f64, usize)> = Vec::new();
+        for ((knob, next), load) in open.iter().zip(&all).zip(&loads) {
+            let harm = (load.min(LARGEST_LOAD) - now).max(0.0);
+            let saved = problem.area(next).map_or(0.0, |after| area - after);
+            rated.push((saved / harm.max(LEAST_HARM), harm, *knob));
+        }
+        rated.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
+        let mut left = 1.0 - exact;
+        let together: Vec<usize> = rated
+            .into_iter()
+            .filter(|(_, harm, _)| {
+                let fits = *harm <= left;
+                left -= if fits { *harm } else { 0.0 };
+                fits
+            })
+            .map(|(.., knob)| knob)
+            .collect();
+        let mut count = together.len();
+        let taken = loop {
+            if count == 0 {
+                return Ok(steps);
+            }
+            let mut next = steps.clone();
+            together[..count].iter().for_each(|knob| next[*knob] += 1);
+            if is_no_larger(problem, &steps, &next)
+                && problem.load(&next)? <= 1.0
+                && took(problem, &next)? <= 1.0
+            {
+                break next;
+            }
+            count /= 2;
+        };
+        steps = taken;
+    }
+}
+
 /// Knobs from which no step can be taken.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settled {
@@ -361,6 +434,10 @@ pub struct Settled {
 pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
     let most = problem.most();
     let mut steps = from.to_vec();
+    // The loads of steps when they were last measured. Those that failed clearly are tried again
+    // only after all others fail.
+    let mut loads = vec![0.0f64; most.len()];
+    let mut is_all = true;
     loop {
         let open = open_steps(problem, &steps, &most);
         let costly = (0..most.len())
@@ -368,29 +445,45 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
             .count()
             - open.len();
         let before = steps.clone();
-        for (at, knob) in open.iter().enumerate() {
+        let tried: Vec<usize> = (open.iter().copied())
+            .filter(|knob| is_all || loads[*knob] <= CLEARLY)
+            .collect();
+        for (at, knob) in tried.iter().enumerate() {
             let next = with(&steps, *knob, steps[*knob] + 1);
             let others = |_: &mut _, width: usize| {
-                open[at + 1..]
+                tried[at + 1..]
                     .iter()
                     .take(width)
                     .map(|knob| with(&steps, *knob, steps[*knob] + 1))
                     .collect()
             };
-            let mut is_well =
-                load_ahead(problem, &next, others)? <= 1.0 && took(problem, &next)? <= 1.0;
-            let mut next = next;
-            // If one step can be taken, more may follow.
-            while is_well {
-                steps = next;
-                next = with(&steps, *knob, steps[*knob] + 1);
-                is_well = steps[*knob] < most[*knob]
+            let load = load_ahead(problem, &next, others)?;
+            loads[*knob] = load;
+            if load > 1.0 || took(problem, &next)? > 1.0 {
+                continue;
+            }
+            steps = next;
+            // More steps may follow: twice as many at a time until they fail, then half as many.
+            let (mut jump, mut is_growing) = (2, true);
+            while jump > 0 {
+                let value = steps[*knob] + jump;
+                let next = with(&steps, *knob, value);
+                if value <= most[*knob]
                     && is_no_larger(problem, &steps, &next)
                     && problem.load(&next)? <= 1.0
-                    && took(problem, &next)? <= 1.0;
+                    && took(problem, &next)? <= 1.0
+                {
+                    steps = next;
+                    jump *= if is_growing { 2 } else { 1 };
+                } else {
+                    is_growing = false;
+                    jump /= 2;
+                }
             }
         }
-        if steps != before {
+        let is_changed = steps != before;
+        if is_changed || !is_all {
+            is_all = !is_changed;
             continue;
         }
         let joint = joint_steps(problem, &steps, &open)?;
@@ -405,7 +498,7 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
             }
         }
         match taken {
-            Some(next) => steps = next,
+            Some(next) => (steps, is_all) = (next, false),
             None => {
                 return Ok(Settled {
                     steps,
@@ -418,7 +511,7 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
     }
 }
 
-fn is_no_larger(problem: &mut impl Problem, steps: &[u32], next: &[u32]) -> bool {
+pub fn is_no_larger(problem: &mut impl Problem, steps: &[u32], next: &[u32]) -> bool {
     matches!((problem.area(steps), problem.area(next)), (Some(area), Some(after)) if after <= area)
 }
 
@@ -713,6 +806,44 @@ mod tests {
             prop_assert_eq!(alone, open.len());
             prop_assert!(open.iter().all(|knob| sum.allowed(&with(&steps, *knob, steps[*knob] + 1)) > 1.0), "{:?}", steps);
         }
+    }
+
+    proptest! {
+        #[test]
+        fn steps_taken_together_meet_the_target_and_save_area(mut sum in sums()) {
+            let none = [0; 4];
+            let steps = taken_together(&mut sum, &none).unwrap();
+            prop_assert!(sum.allowed(&steps) <= 1.0 || steps == none, "{:?}", steps);
+            // As long as a step does little harm, it is taken.
+            let can_be_taken = |knob: usize| {
+                let next = with(&steps, knob, steps[knob] + 1);
+                let left = 1.0 - sum.allowed(&steps);
+                steps[knob] < sum.most && 4.0 * (sum.allowed(&next) - sum.allowed(&steps)) < left
+            };
+            prop_assert!(sum.allowed(&none) > 1.0 || !(0..4).any(can_be_taken), "{:?}", steps);
+        }
+    }
+
+    /// Words without any use, all of whose steps do no harm.
+    fn useless(knobs: usize) -> Sum {
+        Sum {
+            noise: vec![0.0; knobs],
+            price: vec![1.0; knobs],
+            most: 15,
+            loads: 0,
+        }
+    }
+
+    #[test]
+    fn harmless_steps_are_taken_many_at_a_time() {
+        let mut sum = useless(20);
+        assert_eq!(taken_together(&mut sum, &[0; 20]).unwrap(), [15; 20]);
+        // Each pass compares a step of each word, and measures the joint step.
+        assert!(sum.loads <= 15 * 25 + 5, "{}", sum.loads);
+        let mut sum = useless(20);
+        assert_eq!(settled(&mut sum, &[0; 20]).unwrap().steps, [15; 20]);
+        // One step, then 2, 4 and 8 more; 300 if they were taken one by one.
+        assert!(sum.loads < 20 * 2 * 5, "{}", sum.loads);
     }
 
     /// The same problem with measurement in advance. Counts requests, and those that were not

@@ -16,9 +16,9 @@ use super::columns::{self, Errors, Findings, FrameFindings, ReplayFindings, Scre
 use super::plan::{self, MachineChange, PlanScreen, Points};
 use super::table::{CellKind, Column, Row};
 use crate::accuracy::flicker::{Flicker, FlickerSums};
+use crate::accuracy::screen::{self, Screening, TileSplats, Until};
 use crate::accuracy::{distance, metrics, partial};
 use crate::error::{Error, Result};
-use crate::explore::screen::{self, Screening, TileSplats, Until};
 use crate::golden;
 use crate::golden::Rules;
 use crate::hardware::quantise::Part;

@@ -57,9 +57,10 @@ const FLOOR: f64 = 0.3;
 const FIRST: usize = 8;
 /// Pictures with fewer tiles are drawn in full.
 const LEAST_TILES: usize = 64;
-/// Tiles of the picture per tile of the last sample, which has at most [`MOST`] tiles, or half as many
-/// for [`Until::Likely`]: after it the whole picture is drawn, or the estimate decides.
+/// Tiles of the picture per tile of the last sample, after which the whole picture is drawn, or the
+/// estimate decides.
 const LAST: usize = 4;
+/// Most tiles of a sample whose estimate decides; half as many for [`Until::Likely`].
 const MOST: usize = 32;
 /// Width by which boxes of splats are extended on each side, pixels.
 const MARGIN_PX: u16 = 2;
@@ -104,12 +105,14 @@ impl Grid {
 /// A scene from one camera, of which samples are drawn.
 #[derive(Clone, Copy)]
 pub struct View<'a> {
+    /// The scene from this camera.
     pub scene: &'a Scene,
     /// The picture that machines are compared with.
     pub exact: &'a Picture,
     /// Squared error of the picture, summed over pixels and channels, at which the load is 1
     /// ([`allowed`]).
     pub allowed: f64,
+    /// The splats of its tiles.
     pub splats: &'a TileSplats,
     /// [`Part::of`] the scene.
     pub part: &'a Part,
@@ -180,7 +183,8 @@ pub fn is_possible(target: &Target) -> bool {
 /// How far an estimate goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Until {
-    /// The last sample; if it does not decide surely, the machine must be drawn in full.
+    /// Until the decision is sure; if a quarter of the picture does not decide, the machine must be
+    /// drawn in full.
     Sure,
     /// Until the decision is sure, or the last sample: its estimate decides.
     Likely,
@@ -221,8 +225,9 @@ pub struct Estimate {
     pub tiles: u64,
     /// Squared error as a part of the allowed squared error.
     pub load: f64,
-    /// Ends of its interval.
+    /// Lower end of its interval.
     pub low: f64,
+    /// Upper end of its interval.
     pub high: f64,
     /// Greatest error in the samples.
     pub max_error: f64,
@@ -336,16 +341,15 @@ impl Screening {
         limits: &Limits,
         mut draw: impl FnMut(&[usize]) -> Result<Option<Vec<(f64, f64)>>>,
     ) -> Result<Option<Estimate>> {
-        let most = match self.until {
-            Until::Likely => MOST / 2,
-            _ => MOST,
-        };
-        let last = (reference.len() / LAST).min(most);
-        let first = match self.until {
+        let quarter = reference.len() / LAST;
+        let [first, last] = match self.until {
+            Until::Likely => [FIRST, MOST / 2],
+            Until::Rejected => [FIRST, MOST],
+            Until::Compared => [MOST; 2],
             // The deviation of few tiles with heavy tails is known too badly for a sure decision.
-            Until::Sure | Until::Compared => last,
-            Until::Likely | Until::Rejected => FIRST.min(last),
-        };
+            Until::Sure => [MOST, quarter],
+        }
+        .map(|tiles| tiles.min(quarter));
         let sizes = sizes(reference);
         let order = order(&sizes, columns, self.nth);
         let mut sample: Vec<Sampled> = Vec::new();
@@ -534,7 +538,6 @@ mod tests {
     use super::*;
     use crate::golden;
     use crate::hardware::machines;
-    use crate::run::evaluation::Evaluation;
     use crate::scene::Overrides;
     use crate::scene::digest::mixed;
     use rtl_model::Machine;
@@ -560,8 +563,9 @@ mod tests {
 
     /// Squared error of each tile on a machine; `None` if it cannot hold the scene.
     fn tiles_on(elaborated: &Elaborated, scene: &Scene, exact: &Picture) -> Option<Vec<f64>> {
-        let evaluation = Evaluation::on(scene, elaborated).ok()?;
-        Some(tile_errors(&evaluation.picture(&evaluation.draw()), exact))
+        let quantised = quantise(scene, &elaborated.machine).ok()?;
+        let drawing = fixed::draw(elaborated, &quantised);
+        Some(tile_errors(&fixed::picture(elaborated, &drawing), exact))
     }
 
     /// The base with fewer fraction bits in some words.
