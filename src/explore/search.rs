@@ -726,9 +726,21 @@ fn rounds(
     path.push(search.step(&search.base.name.clone(), &none)?);
     let mut next_view = 1;
     let mut steps: Option<Vec<u32>> = None;
+    let mut failed_late: Option<(Vec<u32>, Machine)> = None;
     loop {
         search.round = learnt.len() + 1;
-        let best = search.round(steps.as_deref(), path)?;
+        let regained = match failed_late.take() {
+            Some((steps, cut)) => search.regained(steps, cut, path)?,
+            None => None,
+        };
+        let best = match regained {
+            Some(regained) => regained,
+            None => {
+                let best = search.round(steps.as_deref(), path)?;
+                steps = Some(best.clone());
+                best
+            }
+        };
         // Integer bits take long. Unseen views are checked first, except in the first round, which
         // gives the area for the target only.
         let early = match target_alone_area {
@@ -804,6 +816,10 @@ fn rounds(
             search.stricter *= load.min(MOST_STRICTER);
         }
         let step = search.step("", &tried)?;
+        // With its integer bits: the last steps were taken.
+        if tried.len() > search.knobs.len() {
+            failed_late = Some((tried.clone(), search.cut.clone()));
+        }
         search.learn(views);
         search.check_reach()?;
         let method = match (widened, search.aim_db()) {
@@ -817,7 +833,6 @@ fn rounds(
             found,
             ..step
         });
-        steps = Some(best);
     }
 }
 
@@ -1412,19 +1427,12 @@ impl<'a> WordSearch<'a> {
 
     /// A machine that meets the aim when it is drawn in full, from one that meets it by samples.
     fn met(&mut self, steps: Vec<u32>) -> Result<Vec<u32>> {
-        let mut steps = steps;
         if !self.screens() {
             return Ok(steps);
         }
-        for repair in 0..REPAIRS {
-            let found = self.found(&steps)?;
-            if self.load_of(&found) <= 1.0 {
-                return Ok(steps);
-            }
-            self.screens.repair = repair as u32;
-            let back = self.given_back(&steps);
-            self.screens.repair = 0;
-            steps = back?;
+        let (steps, is_met) = self.given_back_again(steps)?;
+        if is_met {
+            return Ok(steps);
         }
         self.screens.is_off = true;
         let met = descent::given_back(self, &steps);
@@ -1650,15 +1658,54 @@ impl<'a> WordSearch<'a> {
         self.found(&narrower(well)).map(drop)
     }
 
+    /// After a view has failed on a machine of the last steps, which were taken from `cut`: gives
+    /// steps back until it meets the aim on that view too. Returns `None` if samples do not show
+    /// which steps help, or none does.
+    fn regained(
+        &mut self,
+        steps: Vec<u32>,
+        cut: Machine,
+        path: &mut Vec<SearchStep>,
+    ) -> Result<Option<Vec<u32>>> {
+        if !self.screens() {
+            return Ok(None);
+        }
+        self.begin("min+1");
+        self.cut = cut;
+        self.take_fields();
+        self.is_last = true;
+        let regained = self.given_back_again(steps);
+        self.is_last = false;
+        let (regained, is_met) = regained?;
+        if !is_met {
+            return Ok(None);
+        }
+        path.push(self.step("min+1", &regained)?);
+        Ok(Some(regained))
+    }
+
+    /// Gives steps back by samples until the machine meets the aim when it is drawn in full. Returns
+    /// whether it does.
+    fn given_back_again(&mut self, mut steps: Vec<u32>) -> Result<(Vec<u32>, bool)> {
+        for repair in 0..REPAIRS {
+            let found = self.found(&steps)?;
+            if self.load_of(&found) <= 1.0 {
+                return Ok((steps, true));
+            }
+            self.screens.repair = repair as u32;
+            let back = self.given_back(&steps);
+            self.screens.repair = 0;
+            steps = back?;
+        }
+        Ok((steps, false))
+    }
+
     /// Takes single and joint steps until none is left, including integer bits.
     fn last_steps(&mut self, from: &[u32], path: &mut Vec<SearchStep>) -> Result<Settled> {
         self.begin("last steps");
         self.is_last = true;
-        let from: Vec<u32> = from
-            .iter()
-            .copied()
-            .chain(self.integers.iter().map(|_| 0))
-            .collect();
+        let mut from = from.to_vec();
+        from.resize(self.knobs.len() + self.integers.len(), 0);
         let settled = self.settled(from);
         self.is_last = false;
         let settled = settled?;
