@@ -1430,7 +1430,7 @@ impl<'a> WordSearch<'a> {
         if !self.screens() {
             return Ok(steps);
         }
-        let (steps, is_met) = self.given_back_again(steps)?;
+        let (steps, is_met) = self.given_back_until_met(steps)?;
         if is_met {
             return Ok(steps);
         }
@@ -1674,7 +1674,7 @@ impl<'a> WordSearch<'a> {
         self.cut = cut;
         self.take_fields();
         self.is_last = true;
-        let regained = self.given_back_again(steps);
+        let regained = self.given_back_until_met(steps);
         self.is_last = false;
         let (regained, is_met) = regained?;
         if !is_met {
@@ -1686,7 +1686,7 @@ impl<'a> WordSearch<'a> {
 
     /// Gives steps back by samples until the machine meets the aim when it is drawn in full. Returns
     /// whether it does.
-    fn given_back_again(&mut self, mut steps: Vec<u32>) -> Result<(Vec<u32>, bool)> {
+    fn given_back_until_met(&mut self, mut steps: Vec<u32>) -> Result<(Vec<u32>, bool)> {
         for repair in 0..REPAIRS {
             let found = self.found(&steps)?;
             if self.load_of(&found) <= 1.0 {

@@ -18,17 +18,17 @@
 //! *Estimate.* With B = Σ(x_t/π_t) / Σ(r_t/π_t), sums over the sample, X̂ = B·Σr_t, the last sum over
 //! all tiles: a ratio estimator. With the residuals e_t = x_t − B·r_t and their mean A, weighted by
 //! 1 − π_t, s² = n/(n − 1) · Σ(1 − π_t)·(e_t/π_t − A)² (Rosén, *On sampling with probability
-//! proportional to size*, 1997). s is not taken as less than [`LEAST_DEVIATION`]·X̂/√n: a sample in
+//! proportional to size*, 1997). s is not taken as less than `LEAST_DEVIATION`·X̂/√n: a sample in
 //! which nothing changed says little about the other tiles.
 //!
-//! *Interval.* X̂ ± 3·s ([`Until::deviations`]). Squared errors have heavy tails, so that a decision
-//! which the interval calls sure is wrong in up to 5 % of all cases ([`WRONG`]), more often than by a
+//! *Interval.* X̂ ± 3·s (`Until::deviations`). Squared errors have heavy tails, so that a decision
+//! which the interval calls sure is wrong in up to 5 % of all cases (`WRONG`), more often than by a
 //! normal distribution. Decisions on the way ([`Until::Likely`]) use X̂ ± 1.5·s, and X̂ itself if the
 //! last sample does not decide: a wrong one costs a step, which later stages find again. Two bounds
 //! are exact: the error of the sample alone is less than that of the picture, and so is its greatest
 //! error. Both can only reject.
 //!
-//! Splats are set up if their box on the unchanged machine, [`MARGIN_PX`] wider on each side, touches
+//! Splats are set up if their box on the unchanged machine, `MARGIN_PX` wider on each side, touches
 //! a tile of the sample. Words do not depend on the other splats.
 //!
 //! Laws: `sure_decisions_are_seldom_wrong`, `a_tile_of_a_sample_is_that_of_the_picture`;
