@@ -234,12 +234,17 @@ impl View {
         }
     }
 
+    /// Squared error at which the load is 1.
+    fn allowed(&self, target: &Target) -> f64 {
+        screen::allowed(&self.golden, target.psnr_db.unwrap_or(0.0))
+    }
+
     /// The view as it is sampled; `None` if machines must be drawn on it in full.
     fn sampled(&self, target: &Target) -> Option<screen::View<'_>> {
         Some(screen::View {
             scene: &self.scene,
             exact: self.exact(target)?,
-            allowed: screen::allowed(&self.golden, target.psnr_db.unwrap_or(0.0)),
+            allowed: self.allowed(target),
             splats: self.splats.as_ref()?,
             part: self.part.get_or_init(|| Part::of(&self.scene)),
         })
@@ -851,9 +856,10 @@ struct Reference {
 }
 
 /// How the load of a machine is found while machines are screened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 enum Way {
     /// [`Until::Likely`].
+    #[default]
     Likely,
     /// [`Until::Rejected`].
     Rejected,
@@ -893,7 +899,7 @@ struct Screens {
     in_full: HashSet<String>,
     /// States taken by samples since the last reference.
     states: u32,
-    way: Option<Way>,
+    way: Way,
     /// Rounds of giving steps back so far.
     repair: u32,
     /// Whether machines are drawn in full for now.
@@ -1298,15 +1304,13 @@ impl<'a> WordSearch<'a> {
         if !is_usable {
             return Ok(None);
         }
-        // The view that the reference hardly meets comes first.
-        let loads: Vec<f64> = (self.views.iter().zip(&reference.tiles))
-            .map(|(view, tiles)| {
-                let allowed = screen::allowed(&view.golden, target.psnr_db.unwrap_or(0.0));
-                tiles.iter().sum::<f64>() / allowed
-            })
-            .collect();
-        let mut order: Vec<usize> = (0..self.views.len()).collect();
-        order.sort_by(|a, b| loads[*b].total_cmp(&loads[*a]));
+        let in_turn = || {
+            let allowed = self.views.iter().map(|view| view.allowed(&target));
+            InTurn {
+                order: screen::hardest_first(allowed, &reference.tiles),
+                stricter,
+            }
+        };
         Ok(Some(Request {
             target,
             screening: way.until().map(|until| Screening {
@@ -1315,7 +1319,7 @@ impl<'a> WordSearch<'a> {
                 nth,
                 until,
             }),
-            in_turn: way.is_exact().then_some(InTurn { order, stricter }),
+            in_turn: way.is_exact().then(in_turn),
         }))
     }
 
@@ -1327,7 +1331,7 @@ impl<'a> WordSearch<'a> {
             reference.key,
             self.screens.nth,
             self.stricter_by_samples(),
-            self.way(),
+            self.screens.way,
             self.options.target
         ]);
         Some(digest(all.to_string().as_bytes()))
@@ -1336,10 +1340,6 @@ impl<'a> WordSearch<'a> {
     /// The factor on the aim for estimates.
     fn stricter_by_samples(&self) -> f64 {
         self.stricter * libm::pow(REPAIR, f64::from(self.screens.repair))
-    }
-
-    fn way(&self) -> Way {
-        self.screens.way.unwrap_or(Way::Likely)
     }
 
     /// A load, if the machine can be screened and was not drawn on all views. If it must be, it is.
@@ -1356,7 +1356,7 @@ impl<'a> WordSearch<'a> {
         if self.screens.in_full.contains(&key) {
             return Ok(None);
         }
-        let way = self.way();
+        let way = self.screens.way;
         let load = match self.known_load(&own) {
             Some(load) => load,
             // An earlier process drew it on all views, because samples did not decide.
@@ -1441,7 +1441,7 @@ impl<'a> WordSearch<'a> {
     }
 
     fn by<T>(&mut self, way: Way, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
-        let before = self.screens.way.replace(way);
+        let before = std::mem::replace(&mut self.screens.way, way);
         let done = work(self);
         self.screens.way = before;
         done
@@ -1719,6 +1719,7 @@ impl<'a> WordSearch<'a> {
         let Some(machine) = self.machine(&from) else {
             return Ok(from);
         };
+        self.check_time()?;
         let elaborated = fixed::elaborate(&machine)?;
         let mut needed = BTreeMap::new();
         for view in &self.views {
@@ -1796,15 +1797,8 @@ impl<'a> WordSearch<'a> {
                 single.push(next);
             }
         }
-        let is_open = self.by(Way::InTurn, |search| {
-            search.prefetch(&single)?;
-            let mut is_open = false;
-            for next in &single {
-                is_open |= search.load(next)? <= 1.0;
-            }
-            Ok(is_open)
-        })?;
-        if !is_open {
+        let loads = self.by(Way::InTurn, |search| descent::loads(search, &single))?;
+        if !loads.iter().any(|load| *load <= 1.0) {
             return Ok(None);
         }
         self.is_last = true;
@@ -2359,10 +2353,7 @@ impl Problem for WordSearch<'_> {
     }
 
     fn compared(&mut self, all: &[Vec<u32>]) -> Result<Vec<f64>> {
-        self.by(Way::Compared, |search| {
-            search.prefetch(all)?;
-            all.iter().map(|steps| search.load(steps)).collect()
-        })
+        self.by(Way::Compared, |search| descent::loads(search, all))
     }
 
     fn took(&mut self, steps: &[u32]) -> Result<Option<f64>> {
@@ -2371,7 +2362,7 @@ impl Problem for WordSearch<'_> {
         }
         self.screens.states += 1;
         // The last steps end in the machine that is reported: a sample only rejects there.
-        if self.screens.states < STATES_PER_REFERENCE && self.way() != Way::Decided {
+        if self.screens.states < STATES_PER_REFERENCE && self.screens.way != Way::Decided {
             return Ok(None);
         }
         self.screens.states = 0;
@@ -2388,7 +2379,7 @@ impl Problem for WordSearch<'_> {
             return Ok(());
         }
         let request = match self.screens() {
-            true => self.request(self.way())?,
+            true => self.request(self.screens.way)?,
             false => None,
         };
         let is_screened = request.is_some();

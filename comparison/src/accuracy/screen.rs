@@ -124,6 +124,18 @@ pub fn allowed(picture: &Picture, psnr_db: f64) -> f64 {
     values * libm::pow(10.0, -psnr_db / 10.0)
 }
 
+/// Indices of views in the order in which they are tried, by their allowed squared errors and those
+/// of the reference per tile: a view that the reference hardly meets rejects most machines.
+pub fn hardest_first(allowed: impl Iterator<Item = f64>, reference: &[Vec<f64>]) -> Vec<usize> {
+    let loads: Vec<f64> = allowed
+        .zip(reference)
+        .map(|(allowed, tiles)| tiles.iter().sum::<f64>() / allowed)
+        .collect();
+    let mut order: Vec<usize> = (0..loads.len()).collect();
+    order.sort_by(|a, b| loads[*b].total_cmp(&loads[*a]));
+    order
+}
+
 /// Splats of each tile of a view.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TileSplats {
@@ -280,12 +292,7 @@ impl Screening {
         elaborated: &Elaborated,
         max_error: Option<f64>,
     ) -> Result<Option<Estimate>> {
-        let mut views: Vec<(&View, &Vec<f64>)> = views.iter().zip(&self.reference).collect();
-        // A view that the reference hardly meets rejects most machines: it comes first.
-        let load = |(view, errors): &(&View, &Vec<f64>)| {
-            errors.iter().sum::<f64>() / (view.allowed / self.stricter)
-        };
-        views.sort_by(|a, b| load(b).total_cmp(&load(a)));
+        let order = hardest_first(views.iter().map(|view| view.allowed), &self.reference);
         let mut all = Estimate {
             tiles: 0,
             load: 0.0,
@@ -293,7 +300,8 @@ impl Screening {
             high: 0.0,
             max_error: 0.0,
         };
-        for (view, errors) in views {
+        for nth in order {
+            let (view, errors) = (&views[nth], &self.reference[nth]);
             let Some(own) = self.on(view, errors, elaborated, max_error)? else {
                 return Ok(None);
             };

@@ -213,7 +213,7 @@ struct Functions {
 }
 
 /// A graph without its results. Passes are methods of it, so that they are compiled once for any
-/// number of results.
+/// number of results; except that over reals, which takes fewer instructions inlined.
 #[derive(Clone, Debug)]
 struct Body {
     nodes: Vec<Node>,

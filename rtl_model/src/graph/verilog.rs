@@ -85,13 +85,13 @@ impl Body {
         signals: &[Signal],
         name: &str,
         inputs: &[String],
-        outputs: &[(Wire, &str)],
+        results: &[(Wire, &str)],
     ) -> Module {
         let mut writer = Writer {
             nodes: &self.nodes,
             functions: &self.functions,
             signals,
-            needed: self.needed(outputs.iter().map(|(wire, _)| *wire)),
+            needed: self.needed(results.iter().map(|(wire, _)| *wire)),
             conditions: self.conditions(),
             written: Vec::new(),
             ranges: vec![[0; 2]; self.nodes.len()],
@@ -103,9 +103,9 @@ impl Body {
             let written = writer.node(place, inputs);
             writer.written.push(written);
         }
-        let mut ports: Vec<Port> = Vec::new();
-        let mut results: Vec<String> = Vec::new();
-        for (wire, name) in outputs {
+        let mut outputs: Vec<Port> = Vec::new();
+        let mut assigned: Vec<String> = Vec::new();
+        for (wire, name) in results {
             let (value, bits, is_condition) = match writer.of(*wire) {
                 Written::Condition(value) => (value, 1, true),
                 _ => {
@@ -113,15 +113,14 @@ impl Body {
                     (value, bits, false)
                 }
             };
-            results.push(format!("assign {name} = {value};"));
-            ports.push(Port {
+            assigned.push(format!("assign {name} = {value};"));
+            outputs.push(Port {
                 name: (*name).into(),
                 bits,
                 is_condition,
             });
         }
-        let outputs = ports;
-        results.into_iter().for_each(|line| writer.line(line));
+        assigned.into_iter().for_each(|line| writer.line(line));
         if !writer.unused.is_empty() {
             let all = writer.unused.join(", ");
             writer.line(format!("wire unused = &{{1'b0, {all}}};"));

@@ -111,7 +111,8 @@ impl Measurement {
             comparing: 0.0,
         };
         if estimate.is_none() && (screening.is_none() || in_turn.is_some()) {
-            let ((), seconds) = timed(|| measurement.draw(views, elaborated, target, in_turn));
+            let ((), seconds) =
+                timed(|| measurement.draw(views, elaborated, target, in_turn.as_ref()));
             measurement.seconds += seconds;
         }
         measurement
@@ -123,10 +124,10 @@ impl Measurement {
         views: &[&View],
         elaborated: &Elaborated,
         target: &Target,
-        in_turn: &Option<InTurn>,
+        in_turn: Option<&InTurn>,
     ) {
         let given = || (0..views.len()).collect();
-        let order: Vec<usize> = in_turn.as_ref().map_or_else(given, |of| of.order.clone());
+        let order: Vec<usize> = in_turn.map_or_else(given, |of| of.order.clone());
         let mut all: Vec<Option<Drawn>> = views.iter().map(|_| None).collect();
         for (nth, view) in order.iter().enumerate() {
             let drawn = match drawn(elaborated, views[*view], target) {

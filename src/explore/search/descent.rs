@@ -51,8 +51,7 @@ pub trait Problem {
     /// # Errors
     /// As [`Problem::load`].
     fn compared(&mut self, all: &[Vec<u32>]) -> Result<Vec<f64>> {
-        self.prefetch(all)?;
-        all.iter().map(|steps| self.load(steps)).collect()
+        loads(self, all)
     }
 
     /// Learns the state that a descent is in now. Returns its load if that was measured again, more
@@ -110,6 +109,17 @@ fn load(problem: &mut impl Problem, steps: &[u32]) -> Result<f64> {
 fn took(problem: &mut impl Problem, steps: &[u32]) -> Result<f64> {
     let load = problem.load(steps)?;
     Ok(problem.took(steps)?.unwrap_or(load).min(LARGEST_LOAD))
+}
+
+/// Whether a state meets the target, also when it is taken.
+fn is_met(problem: &mut impl Problem, steps: &[u32]) -> Result<bool> {
+    Ok(problem.load(steps)? <= 1.0 && took(problem, steps)? <= 1.0)
+}
+
+/// Loads that may be measured at once.
+pub fn loads(problem: &mut (impl Problem + ?Sized), all: &[Vec<u32>]) -> Result<Vec<f64>> {
+    problem.prefetch(all)?;
+    all.iter().map(|steps| problem.load(steps)).collect()
 }
 
 /// A load. If it was not measured before, loads that may be requested after it are measured too.
@@ -403,10 +413,7 @@ pub fn taken_together(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u3
             }
             let mut next = steps.clone();
             together[..count].iter().for_each(|knob| next[*knob] += 1);
-            if is_no_larger(problem, &steps, &next)
-                && problem.load(&next)? <= 1.0
-                && took(problem, &next)? <= 1.0
-            {
+            if is_no_larger(problem, &steps, &next) && is_met(problem, &next)? {
                 break next;
             }
             count /= 2;
@@ -457,9 +464,9 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
                     .map(|knob| with(&steps, *knob, steps[*knob] + 1))
                     .collect()
             };
-            let load = load_ahead(problem, &next, others)?;
-            loads[*knob] = load;
-            if load > 1.0 || took(problem, &next)? > 1.0 {
+            loads[*knob] = load_ahead(problem, &next, others)?;
+            let is_well = loads[*knob] <= 1.0 && took(problem, &next)? <= 1.0;
+            if !is_well {
                 continue;
             }
             steps = next;
@@ -470,8 +477,7 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
                 let next = with(&steps, *knob, value);
                 if value <= most[*knob]
                     && is_no_larger(problem, &steps, &next)
-                    && problem.load(&next)? <= 1.0
-                    && took(problem, &next)? <= 1.0
+                    && is_met(problem, &next)?
                 {
                     steps = next;
                     jump *= if is_growing { 2 } else { 1 };
@@ -489,10 +495,7 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
         let joint = joint_steps(problem, &steps, &open)?;
         let mut taken = None;
         for next in &joint {
-            if is_no_larger(problem, &steps, next)
-                && problem.load(next)? <= 1.0
-                && took(problem, next)? <= 1.0
-            {
+            if is_no_larger(problem, &steps, next) && is_met(problem, next)? {
                 taken = Some(next.clone());
                 break;
             }
@@ -871,6 +874,14 @@ mod tests {
         assert_eq!(settled(&mut sum, &[0; 20]).unwrap().steps, [15; 20]);
         // One step, then 2, 4 and 8 more; 300 if they were taken one by one.
         assert!(sum.loads < 20 * 2 * 5, "{}", sum.loads);
+    }
+
+    #[test]
+    fn a_step_with_a_load_that_is_no_number_is_not_taken() {
+        let mut sum = useless(3);
+        sum.noise[1] = f64::NAN;
+        assert_eq!(settled(&mut sum, &[0; 3]).unwrap().steps, [0; 3]);
+        assert_eq!(taken_together(&mut sum, &[0; 3]).unwrap(), [0; 3]);
     }
 
     /// The same problem with measurement in advance. Counts requests, and those that were not
