@@ -75,6 +75,13 @@ fn unsound(fault: impl std::fmt::Display) -> String {
     )
 }
 
+/// A fault without its line and column, which are not those of the file.
+fn without_place(fault: &str) -> &str {
+    fault
+        .rsplit_once(" at line ")
+        .map_or(fault, |(fault, _)| fault)
+}
+
 impl File {
     /// Reads a file and those that it names. The error is the second half of a sentence that begins
     /// with the file's name.
@@ -98,7 +105,9 @@ impl File {
         let mut json: Value = serde_json::from_slice(&json).map_err(unsound)?;
         let notes = take_extensions(&mut json)?;
         let own = take_attributes(&mut json)?;
-        let root: Root = serde_json::from_value(json).map_err(unsound)?;
+        // As text again, so that the deserialiser is compiled in its own crate and not here.
+        let root = Root::from_slice(&serde_json::to_vec(&json).map_err(unsound)?)
+            .map_err(|fault| unsound(without_place(&fault.to_string())))?;
         check_positions(&root)?;
         let document = Document::from_json(root).map_err(unsound)?;
         if let Some(number) = own

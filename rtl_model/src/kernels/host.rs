@@ -74,6 +74,7 @@ pub fn vectorised<K: Kernel>(kernel: K) -> K::Output {
 }
 
 /// Runs a kernel without vector instructions.
+#[inline(never)]
 pub fn unvectorised<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Plain>()
 }

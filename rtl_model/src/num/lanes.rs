@@ -152,83 +152,83 @@ impl Plain {
 impl Lanes for Plain {
     type Words = PlainWords;
 
-    #[inline(always)]
+    #[inline]
     fn from_array(words: [i64; LANES]) -> Self {
         Plain(words)
     }
-    #[inline(always)]
+    #[inline]
     fn from_bytes(bytes: [u8; LANES]) -> Self {
         Plain(bytes.map(i64::from))
     }
-    #[inline(always)]
+    #[inline]
     fn transposed(items: &[[i32; LANES]; LANES]) -> [Self; LANES] {
         std::array::from_fn(|word| Plain(items.map(|item| i64::from(item[word]))))
     }
-    #[inline(always)]
+    #[inline]
     fn to_array(self) -> [i64; LANES] {
         self.0
     }
-    #[inline(always)]
+    #[inline]
     fn splat(word: i64) -> Self {
         Plain([word; LANES])
     }
-    #[inline(always)]
+    #[inline]
     fn low(self) -> PlainWords {
         PlainWords(self.0.map(|v| v as i32))
     }
-    #[inline(always)]
+    #[inline]
     fn left(self, by: u32) -> Self {
         self.zip(self, |v, _| v << by)
     }
-    #[inline(always)]
+    #[inline]
     fn right(self, by: u32) -> Self {
         self.zip(self, |v, _| v >> by)
     }
-    #[inline(always)]
+    #[inline]
     fn right_unsigned(self, by: u32) -> Self {
         debug_assert!(!self.any_negative(), "a lane is negative");
         self.right(by)
     }
-    #[inline(always)]
+    #[inline]
     fn wrapping_add(self, other: Self) -> Self {
         self.zip(other, i64::wrapping_add)
     }
-    #[inline(always)]
+    #[inline]
     fn times(self, naturals: Self) -> Self {
         self.zip(naturals, i64::wrapping_mul)
     }
-    #[inline(always)]
+    #[inline]
     fn max(self, other: Self) -> Self {
         self.zip(other, i64::max)
     }
-    #[inline(always)]
+    #[inline]
     fn min(self, other: Self) -> Self {
         self.zip(other, i64::min)
     }
-    #[inline(always)]
+    #[inline]
     fn min_of_halves(self, other: Self) -> Self {
         self.zip(other, |a, b| {
             let [low, high] = [0, 32].map(|half| ((a >> half) as u32).min((b >> half) as u32));
             (u64::from(high) << 32 | u64::from(low)) as i64
         })
     }
-    #[inline(always)]
+    #[inline]
     fn above(self, other: Self) -> Self {
         self.zip(other, |a, b| -i64::from(a > b))
     }
-    #[inline(always)]
+    #[inline]
     fn look_up(self, table: &[i64]) -> Self {
         self.zip(self, |v, _| table[v as usize & (table.len() - 1)])
     }
-    #[inline(always)]
+    #[inline]
     fn look_up_pairs(self, table: &[[i64; 2]]) -> [Self; 2] {
         two!(i => self.zip(self, |v, _| table[v as usize & (table.len() - 1)][i]))
     }
-    #[inline(always)]
+    #[inline]
     fn signs(self) -> u8 {
         bits(self.0.map(|v| v < 0))
     }
-    #[inline(always)]
+    #[inline]
     fn add_product(
         sums: &mut [i32; LANES],
         words: &[i32; LANES],
@@ -246,11 +246,11 @@ impl Lanes for Plain {
         }
         PlainWords(unlimited)
     }
-    #[inline(always)]
+    #[inline]
     fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32 {
         bits(keys.map(|key| distance(key, word) < limit)).into()
     }
-    #[inline(always)]
+    #[inline]
     fn nearest(keys: &[i32; LANES], word: i32) -> usize {
         (0..LANES)
             .min_by_key(|&index| distance(keys[index], word))
@@ -259,13 +259,13 @@ impl Lanes for Plain {
 }
 
 /// Distance between two words; at most 2^31 is assumed.
-#[inline(always)]
+#[inline]
 fn distance(a: i32, b: i32) -> u32 {
     a.wrapping_sub(b).unsigned_abs()
 }
 
 /// One bit per lane of a condition.
-#[inline(always)]
+#[inline]
 fn bits(mask: [bool; LANES]) -> u8 {
     mask.into_iter()
         .rev()
@@ -274,7 +274,7 @@ fn bits(mask: [bool; LANES]) -> u8 {
 
 impl Add for Plain {
     type Output = Plain;
-    #[inline(always)]
+    #[inline]
     fn add(self, other: Plain) -> Plain {
         self.zip(other, |a, b| a + b)
     }
@@ -282,7 +282,7 @@ impl Add for Plain {
 
 impl Sub for Plain {
     type Output = Plain;
-    #[inline(always)]
+    #[inline]
     fn sub(self, other: Plain) -> Plain {
         self.zip(other, |a, b| a - b)
     }
@@ -290,7 +290,7 @@ impl Sub for Plain {
 
 impl Neg for Plain {
     type Output = Plain;
-    #[inline(always)]
+    #[inline]
     fn neg(self) -> Plain {
         self.zip(self, |v, _| -v)
     }
@@ -298,7 +298,7 @@ impl Neg for Plain {
 
 impl BitAnd for Plain {
     type Output = Plain;
-    #[inline(always)]
+    #[inline]
     fn bitand(self, other: Plain) -> Plain {
         self.zip(other, |a, b| a & b)
     }
@@ -306,7 +306,7 @@ impl BitAnd for Plain {
 
 impl BitOr for Plain {
     type Output = Plain;
-    #[inline(always)]
+    #[inline]
     fn bitor(self, other: Plain) -> Plain {
         self.zip(other, |a, b| a | b)
     }
@@ -315,7 +315,7 @@ impl BitOr for Plain {
 /// Product of two words of at most 32 bits each.
 impl Mul for Plain {
     type Output = Plain;
-    #[inline(always)]
+    #[inline]
     fn mul(self, other: Plain) -> Plain {
         self.zip(other, |a, b| {
             debug_assert!(

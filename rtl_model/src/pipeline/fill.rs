@@ -45,13 +45,16 @@ pub(super) fn fill_tiles<P: Probe>(
     let (true, Some(host)) = (P::QUICK, Vectorised::detect()) else {
         return fill_as::<false, i64, P, _>(Unvectorised, machine, frame, setup, probe);
     };
-    // The common case has its own compiled path; each path is compiled once per probe.
+    // The common case has its own compiled path; each path is compiled once per probe. A probe
+    // costs more than simple fits gain with sums of 64 bits.
     let simple = machine.gauss.kernel().is_simple() && machine.fragment.is_simple();
     let narrow = machine.fragment.is_narrow();
     match (simple, narrow) {
         (true, true) => fill_as::<true, i32, P, _>(host, machine, frame, setup, probe),
-        (true, false) => fill_as::<true, i64, P, _>(host, machine, frame, setup, probe),
-        (false, _) => fill_as::<false, i64, P, _>(host, machine, frame, setup, probe),
+        (true, false) if !P::WORK && !P::DECISIONS => {
+            fill_as::<true, i64, P, _>(host, machine, frame, setup, probe)
+        }
+        _ => fill_as::<false, i64, P, _>(host, machine, frame, setup, probe),
     }
 }
 
