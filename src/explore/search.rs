@@ -97,8 +97,9 @@ const FIRST_RANGE_VIEW: usize = 1_000_000;
 const PATIENCE: usize = 3;
 /// Most by which a failing view raises the aim, as a factor on the squared error: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
-/// Greatest load of a view that saturates, or fails after bits were removed in steps, and raises the
-/// aim: 1 dB.
+/// The same for views that saturate, or fail after the early test.
+const LATE_PATIENCE: usize = 6;
+/// Greatest load at which such a view raises the aim: 1 dB.
 const LATE: f64 = 1.26;
 
 /// States that a descent takes by samples, per state that is drawn in full as the next reference.
@@ -845,8 +846,12 @@ fn rounds(
         }
         // A view that saturates, or fails after the early test, by much shows what the others do not
         // show: it is only added to the search.
-        let is_raised = is_early && !widened || load <= LATE;
-        if learnt.len() >= PATIENCE && is_raised && load > 1.0 && load.is_finite() {
+        let is_raised = if is_early && !widened {
+            learnt.len() >= PATIENCE
+        } else {
+            learnt.len() >= LATE_PATIENCE && load <= LATE
+        };
+        if is_raised && load > 1.0 && load.is_finite() {
             search.stricter *= load.min(MOST_STRICTER);
         }
         let step = search.step("", &tried)?;
