@@ -97,9 +97,7 @@ const FIRST_RANGE_VIEW: usize = 1_000_000;
 const PATIENCE: usize = 3;
 /// Most by which a failing view raises the aim, as a factor on the squared error: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
-/// The same for views that saturate, or fail after the early test.
-const LATE_PATIENCE: usize = 6;
-/// Greatest load at which such a view raises the aim: 1 dB.
+/// Greatest load of a view that fails after the last steps and raises the aim: 1 dB.
 const LATE: f64 = 1.26;
 
 /// States that a descent takes by samples, per state that is drawn in full as the next reference.
@@ -116,35 +114,20 @@ const REPAIR: f64 = 1.03;
 
 /// Stage in which unseen views are drawn.
 const UNSEEN: &str = "unseen views";
-/// The same before integer bits are removed.
-const EARLY: &str = "early test of unseen views";
 /// The same before the last steps.
-const SECOND: &str = "second test of unseen views";
-/// Stage in which many steps are taken at once, by samples.
-const TOGETHER: &str = "together";
-/// Stages of the first round; the two before the last steps only with screening.
-const STAGES: [&str; 9] = [
+const EARLY: &str = "early test of unseen views";
+/// Stages of the first round.
+const STAGES: [&str; 7] = [
     "ranges",
     "alone",
     "min+1",
     "max−1",
     "annealing",
-    TOGETHER,
-    SECOND,
     "last steps",
     UNSEEN,
 ];
-/// Stages of later rounds.
-const LATER_STAGES: [&str; 8] = [
-    "ranges",
-    "min+1",
-    "max−1",
-    EARLY,
-    TOGETHER,
-    SECOND,
-    "last steps",
-    UNSEEN,
-];
+/// Stages of later rounds; unseen views are also drawn before the last steps.
+const LATER_STAGES: [&str; 6] = ["ranges", "min+1", "max−1", EARLY, "last steps", UNSEEN];
 /// Number of machines after which the time is forecast.
 const FORECAST_AFTER: usize = 50;
 
@@ -515,8 +498,8 @@ pub struct SearchOutcome {
     pub files: Vec<PathBuf>,
 }
 
-/// Cost of unseen views: the final machine, compared with one that meets the target on the first
-/// views.
+/// Cost of unseen views: the final machine, compared with the narrowest one that meets the target
+/// on the first views.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Margin {
     /// Decibels above the target that each searched view had to reach; 0 if the aim is the target.
@@ -525,8 +508,7 @@ pub struct Margin {
     pub first_psnr_db: Option<f64>,
     /// `first_psnr_db` minus the target; null if the target has no PSNR, or the pictures are equal.
     pub db: Option<f64>,
-    /// Area of the machine that met the target on the first views, before unseen views were tested
-    /// (with screening before the last steps), LUT equivalents.
+    /// Area of the narrowest machine that meets the target on the first views, LUT equivalents.
     pub target_alone_area: f64,
     /// Additional area of the final machine, LUT equivalents.
     pub area: f64,
@@ -765,8 +747,8 @@ fn rounds(
                 best
             }
         };
-        // What follows takes long, the last steps longest. Unseen views are tested before each,
-        // except in the first round, which gives the area for the target only.
+        // Integer bits take long. Unseen views are checked first, except in the first round, which
+        // gives the area for the target only.
         let early = match target_alone_area {
             Some(_) => search.verified(&best, &mut next_view, EARLY)?.1,
             None => None,
@@ -775,41 +757,30 @@ fn rounds(
         let (tried, (found, views)) = match early {
             Some(failed) => (best.clone(), failed),
             None => {
-                let mut settled = Settled {
-                    steps: best.clone(),
-                    ..Settled::default()
+                let mut settled = search.last_steps(&best, path)?;
+                let area = search.area(&settled.steps).unwrap_or(f64::INFINITY);
+                let target_alone_area = *target_alone_area.get_or_insert(area);
+                let (held, failed) = loop {
+                    let verdict = search.verified(&settled.steps, &mut next_view, UNSEEN)?;
+                    if verdict.1.is_some() {
+                        break verdict;
+                    }
+                    match search.settled_again(&settled.steps, path)? {
+                        Some(again) => settled = again,
+                        None => break verdict,
+                    }
                 };
-                let (mut held, mut failed) = (Vec::new(), None);
-                if let Some(together) = search.taken_together(&best, path)? {
-                    let area = search.area(&together).unwrap_or(f64::INFINITY);
-                    target_alone_area.get_or_insert(area);
-                    (held, failed) = search.verified(&together, &mut next_view, SECOND)?;
-                    settled.steps = together;
-                }
-                while failed.is_none() {
-                    settled = match search.settled(&settled, path)? {
-                        Some(settled) => settled,
-                        None => break,
-                    };
-                    let area = search.area(&settled.steps).unwrap_or(f64::INFINITY);
-                    target_alone_area.get_or_insert(area);
-                    (held, failed) = search.verified(&settled.steps, &mut next_view, UNSEEN)?;
-                }
                 let Settled {
                     steps: last,
                     alone,
                     together,
                     costly,
-                    ..
                 } = settled;
                 let area = search.area(&last).unwrap_or(f64::INFINITY);
                 let Some(failed) = failed else {
                     let searched = search.drawn_again(&last)?;
-                    let margin = search.margin(
-                        &last,
-                        &searched[..*first_views],
-                        [target_alone_area.unwrap_or(area), area],
-                    );
+                    let margin =
+                        search.margin(&last, &searched[..*first_views], [target_alone_area, area]);
                     let claims = search.claims(&searched, &held);
                     let checked = CheckedSteps {
                         alone,
@@ -844,14 +815,10 @@ fn rounds(
         if is_early {
             (widened, load) = search.widened(&tried, &views, load)?;
         }
-        // A view that saturates, or fails after the early test, by much shows what the others do not
-        // show: it is only added to the search.
-        let is_raised = if is_early && !widened {
-            learnt.len() >= PATIENCE
-        } else {
-            learnt.len() >= LATE_PATIENCE && load <= LATE
-        };
-        if is_raised && load > 1.0 && load.is_finite() {
+        // After the last steps, a view that fails by much shows what the others do not show: it is
+        // only added to the search.
+        let is_raised = is_early || load <= LATE;
+        if learnt.len() >= PATIENCE && is_raised && load > 1.0 && load.is_finite() {
             search.stricter *= load.min(MOST_STRICTER);
         }
         let step = search.step("", &tried)?;
@@ -1734,34 +1701,22 @@ impl<'a> WordSearch<'a> {
         Ok((steps, false))
     }
 
-    /// Removes spare integer bits and takes many steps at once, if samples tell how much harm each
-    /// does; else returns `None`.
-    fn taken_together(
-        &mut self,
-        from: &[u32],
-        path: &mut Vec<SearchStep>,
-    ) -> Result<Option<Vec<u32>>> {
-        if !self.screens() {
-            return Ok(None);
-        }
-        self.begin(TOGETHER);
+    /// Takes single and joint steps until none is left, including integer bits.
+    fn last_steps(&mut self, from: &[u32], path: &mut Vec<SearchStep>) -> Result<Settled> {
+        self.begin("last steps");
         self.is_last = true;
-        let taken = self.without_spare_bits(from).and_then(|from| {
-            self.by(Way::Decided, |search| {
-                descent::taken_together(search, &from)
-            })
-        });
+        let mut from = from.to_vec();
+        from.resize(self.knobs.len() + self.integers.len(), 0);
+        let settled = self.settled(from);
         self.is_last = false;
-        let taken = taken?;
-        path.push(self.step(TOGETHER, &taken)?);
-        Ok(Some(taken))
+        let settled = settled?;
+        path.push(self.step("last steps", &settled.steps)?);
+        Ok(settled)
     }
 
     /// Removes the integer bits that no value on the searched views needs: their pictures stay the
     /// same.
-    fn without_spare_bits(&mut self, from: &[u32]) -> Result<Vec<u32>> {
-        let mut from = from.to_vec();
-        from.resize(self.knobs.len() + self.integers.len(), 0);
+    fn without_spare_bits(&mut self, from: Vec<u32>) -> Result<Vec<u32>> {
         let Some(machine) = self.machine(&from) else {
             return Ok(from);
         };
@@ -1808,28 +1763,30 @@ impl<'a> WordSearch<'a> {
         Ok(steps)
     }
 
-    /// Takes single and joint steps until none is left, including integer bits. Returns `None` if
-    /// none was left before.
-    fn settled(&mut self, before: &Settled, path: &mut Vec<SearchStep>) -> Result<Option<Settled>> {
-        if before.is_settled && !self.some_step_is_left(&before.steps)? {
-            return Ok(None);
+    /// Takes steps together first, if samples tell how much harm each does; then settles.
+    fn settled(&mut self, from: Vec<u32>) -> Result<Settled> {
+        let mut from = self.without_spare_bits(from)?;
+        if self.screens() {
+            from = self.by(Way::Decided, |search| {
+                descent::taken_together(search, &from)
+            })?;
         }
-        self.begin("last steps");
-        self.is_last = true;
-        let settled = self
-            .without_spare_bits(&before.steps)
-            .and_then(|from| self.by(Way::Decided, |search| descent::settled(search, &from)));
-        self.is_last = false;
-        let settled = settled?;
-        path.push(self.step("last steps", &settled.steps)?);
-        Ok(Some(settled))
+        self.settled_exactly(&from)
     }
 
-    /// Draws each single step in full, on one view after another until one misses the aim. Returns
-    /// whether one meets the aim, although a sample rejected it.
-    fn some_step_is_left(&mut self, steps: &[u32]) -> Result<bool> {
+    fn settled_exactly(&mut self, from: &[u32]) -> Result<Settled> {
+        self.by(Way::Decided, |search| descent::settled(search, from))
+    }
+
+    /// Draws each single step in full, on one view after another until one misses the aim. Takes
+    /// those that meet the aim, although a sample rejected them. Returns `None` if there is none.
+    fn settled_again(
+        &mut self,
+        steps: &[u32],
+        path: &mut Vec<SearchStep>,
+    ) -> Result<Option<Settled>> {
         if !self.screens() {
-            return Ok(false);
+            return Ok(None);
         }
         let area = self.area(steps).unwrap_or(f64::INFINITY);
         let most: Vec<u32> = self.all_knobs().map(|knob| knob.most).collect();
@@ -1842,7 +1799,15 @@ impl<'a> WordSearch<'a> {
             }
         }
         let loads = self.by(Way::InTurn, |search| descent::loads(search, &single))?;
-        Ok(loads.iter().any(|load| *load <= 1.0))
+        if !loads.iter().any(|load| *load <= 1.0) {
+            return Ok(None);
+        }
+        self.is_last = true;
+        let settled = self.settled_exactly(steps);
+        self.is_last = false;
+        let settled = settled?;
+        path.push(self.step("last steps", &settled.steps)?);
+        Ok(Some(settled))
     }
 
     /// Gives integer bits back to words that saturate on failing views, if that improves the views.
@@ -2192,7 +2157,6 @@ impl<'a> WordSearch<'a> {
             stage: self.stage.into(),
             not_tried: stages[at.map_or(0, |at| at + 1)..]
                 .iter()
-                .filter(|stage| self.screens() || ![TOGETHER, SECOND].contains(stage))
                 .map(|stage| (*stage).to_owned())
                 .collect(),
         };

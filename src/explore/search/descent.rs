@@ -423,10 +423,8 @@ pub fn taken_together(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u3
 }
 
 /// Knobs from which no step can be taken.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settled {
-    /// Whether that was tried.
-    pub is_settled: bool,
     /// Steps taken from each knob.
     pub steps: Vec<u32>,
     /// Single steps that were measured and fail.
@@ -506,7 +504,6 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
             Some(next) => (steps, is_all) = (next, false),
             None => {
                 return Ok(Settled {
-                    is_settled: true,
                     steps,
                     alone: open.len(),
                     together: joint.len(),
@@ -795,7 +792,6 @@ mod tests {
         assert_eq!(
             settled,
             Settled {
-                is_settled: true,
                 steps: vec![1, 1, 0],
                 alone: 0,
                 together: 0,
