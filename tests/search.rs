@@ -459,6 +459,46 @@ fn screening_finds_machines_as_small_as_full_drawings_do() {
             drawn.len()
         );
         assert!(all.iter().all(|(_, tiles)| tiles.is_none()), "{name}");
+        check_critical(folder.path(), &builtin(name), name, wanted);
+    }
+}
+
+/// With one step less, critical words miss the target on a searched view, and have its PSNR.
+fn check_critical(folder: &Path, scene: &Value, name: &str, target: f64) {
+    let out = folder.join(format!("{name}-on"));
+    let (found, machine) = (
+        read(&out.join("search.json")),
+        read(&out.join("machine.json")),
+    );
+    let is_bit = |word: &&Value| word["part"].as_str().unwrap().ends_with("-bit");
+    let critical: Vec<&Value> = found["tight"].as_array().unwrap().iter().collect();
+    let critical: Vec<&Value> = critical.into_iter().filter(is_bit).step_by(9).collect();
+    assert!(!critical.is_empty(), "{name}: {}", found["tight"]);
+    for word in critical {
+        let part = ["integer-bit", "fraction-bit"]
+            .into_iter()
+            .find(|part| word["part"] == *part)
+            .unwrap();
+        let bit = (word["path"].as_str().unwrap().to_owned(), part);
+        let less = folder.join("less.json");
+        fs::write(&less, without(&machine, &[bit]).to_string()).unwrap();
+        let stated = word["psnr_db"].as_f64().unwrap();
+        assert!(stated < target, "{name}: {word}");
+        let on_view = |camera: &Value| {
+            let mut seen = scene.clone();
+            seen["camera"] = camera["camera"].clone();
+            let view = folder.join("view.json");
+            fs::write(&view, seen.to_string()).unwrap();
+            let view = view.to_str().unwrap();
+            ran(folder, view, less.to_str().unwrap(), "128x128").0
+        };
+        let views = found["cameras"].as_array().unwrap();
+        assert!(
+            views
+                .iter()
+                .any(|camera| (on_view(camera) - stated).abs() < 1e-6),
+            "{name}: {word}"
+        );
     }
 }
 
