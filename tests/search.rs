@@ -481,15 +481,14 @@ fn critical_words_have_the_psnr_of_a_view_that_misses_the_target() {
         read(&out.join("search.json")),
         read(&out.join("machine.json")),
     );
-    let is_bit = |word: &&Value| word["part"].as_str().unwrap().ends_with("-bit");
-    let critical: Vec<&Value> = found["tight"].as_array().unwrap().iter().collect();
-    let critical: Vec<&Value> = critical.into_iter().filter(is_bit).step_by(3).collect();
+    let words = found["tight"].as_array().unwrap().iter();
+    let bits = words.filter_map(|word| {
+        let mut parts = ["integer-bit", "fraction-bit"].into_iter();
+        Some((word, parts.find(|part| word["part"] == *part)?))
+    });
+    let critical: Vec<(&Value, &str)> = bits.step_by(3).collect();
     assert!(!critical.is_empty(), "{}", found["tight"]);
-    for word in critical {
-        let part = ["integer-bit", "fraction-bit"]
-            .into_iter()
-            .find(|part| word["part"] == *part)
-            .unwrap();
+    for (word, part) in critical {
         let bit = (word["path"].as_str().unwrap().to_owned(), part);
         let less = folder.join("less.json");
         fs::write(&less, without(&machine, &[bit]).to_string()).unwrap();

@@ -575,8 +575,8 @@ pub struct CriticalWord {
     /// The part that a step reduces.
     pub part: KnobPart,
     /// PSNR with one step less, dB, against the reference of the target; null if the pictures are
-    /// equal or the machine cannot be built. With screening it is that on the first searched view
-    /// that misses the target, not on the worst.
+    /// equal or the machine cannot be built. With screening, the searched view on which it is
+    /// measured misses the target, but need not be the worst.
     pub psnr_db: Option<f64>,
 }
 
@@ -2042,8 +2042,8 @@ impl<'a> WordSearch<'a> {
         Ok(tight)
     }
 
-    /// PSNR of a machine that misses the target, on the first view on which it does; `None` if it
-    /// meets the target, or cannot be built.
+    /// PSNR of a machine that misses the target: on the first view that misses it in turn, else on
+    /// the worst. `None` if the machine meets the target, or cannot be built.
     fn psnr_db_that_fails(&mut self, steps: &[u32]) -> Result<Option<Option<f64>>> {
         let target = self.options.target;
         // Else the load does not tell the PSNR.

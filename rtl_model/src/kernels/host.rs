@@ -73,7 +73,7 @@ pub fn vectorised<K: Kernel>(kernel: K) -> K::Output {
     }
 }
 
-/// Runs a kernel without vector instructions.
+/// Runs a kernel without vector instructions. Not inlined, so that each kernel is compiled once.
 #[inline(never)]
 pub fn unvectorised<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Plain>()

@@ -45,8 +45,8 @@ pub(super) fn fill_tiles<P: Probe>(
     let (true, Some(host)) = (P::QUICK, Vectorised::detect()) else {
         return fill_as::<false, i64, P, _>(Unvectorised, machine, frame, setup, probe);
     };
-    // The common case has its own compiled path; each path is compiled once per probe. A probe
-    // costs more than simple fits gain with sums of 64 bits.
+    // The common case has its own compiled path; each path is compiled once per probe. Simple
+    // fits with sums of 64 bits would save probes of work and decisions only 1 %.
     let simple = machine.gauss.kernel().is_simple() && machine.fragment.is_simple();
     let narrow = machine.fragment.is_narrow();
     match (simple, narrow) {
