@@ -6,7 +6,8 @@ use crate::program::PROGRAM;
 use crate::tier::{self, Tier};
 use rtl_model::elaboration::latency::Path;
 use rtl_model::elaboration::{Elaboration, Operator, Part};
-use rtl_model::graph::Builder;
+use rtl_model::graph::{Builder, Wire};
+use rtl_model::machine::Operators;
 use rtl_model::num::Word;
 use serde_json::{Value, json};
 use splatsim::hardware::{fixed, machines};
@@ -599,6 +600,36 @@ module top(input [15:0] a, b, output [15:0] y);
   assign y = {a[15] ^ b[15], rounded > 18'h7bff ? 15'h7bff : rounded[14:0]};
 endmodule";
 
+/// A sum of FP16, from stored bits to stored bits: the term with the lesser exponent is shifted, the
+/// leading one goes to the front unless the result is subnormal, and ties are rounded to even.
+const SUM_OF_FP16: &str = "
+module top(input [15:0] a, b, output [15:0] y);
+  wire a_less = a[14:0] < b[14:0];
+  wire [15:0] x = a_less ? b : a, z = a_less ? a : b;
+  wire [4:0] ex = x[14:10] | 5'(~|x[14:10]), ez = z[14:10] | 5'(~|z[14:10]);
+  wire [10:0] m = {|x[14:10], x[9:0]}, n = {|z[14:10], z[9:0]};
+  wire [4:0] apart = ex - ez;
+  // Guard and round bits; what is shifted out beyond them sets the sticky bit.
+  wire [24:0] moved = {n, 14'd0} >> (apart > 5'd13 ? 5'd13 : apart);
+  wire [13:0] term = {moved[24:12], |moved[11:0]};
+  wire differs = x[15] ^ z[15];
+  wire [14:0] sum = {1'b0, m, 3'd0} + ({15{differs}} ^ {1'b0, term}) + 15'(differs);
+  reg [3:0] lead;
+  integer i;
+  always @* begin
+    lead = 15;
+    for (i = 0; i < 15; i = i + 1) if (sum[i]) lead = 4'(14 - i);
+  end
+  // A leading one in bit 14 has the exponent ex + 1.
+  wire is_subnormal = {1'b0, lead} > ex || ~|sum;
+  wire [4:0] left = is_subnormal ? ex : {1'b0, lead};
+  wire [14:0] shifted = sum << left;
+  wire up = shifted[3] && (|shifted[2:0] || shifted[4]);
+  wire [5:0] code = is_subnormal ? 6'd0 : {1'b0, ex} + 6'd1 - {1'b0, left};
+  wire [16:0] rounded = {1'b0, code, shifted[13:4]} + 17'(up);
+  assign y = {x[15], rounded > 17'h7bff ? 15'h7bff : rounded[14:0]};
+endmodule";
+
 /// NAND2 of a module called `top`, by Yosys and ABC.
 fn gates_of(text: &str) -> f64 {
     let folder = tempfile::tempdir().unwrap();
@@ -627,12 +658,35 @@ fn a_product_in_floating_point_costs_what_synthesis_finds() {
     if !have(&["yosys"], "a product of FP16") || !have_cells() {
         return;
     }
+    let model = model_of(|g, a, b| g.times(a, b));
+    let mapped = gates_of(PRODUCT_OF_FP16);
+    assert!(
+        (0.75..1.33).contains(&(mapped / model)),
+        "{mapped} gates, by the model {model}"
+    );
+}
+
+#[test]
+fn a_sum_in_floating_point_costs_what_synthesis_finds() {
+    if !have(&["yosys"], "a sum of FP16") || !have_cells() {
+        return;
+    }
+    let model = model_of(|g, a, b| g.plus(a, b));
+    let mapped = gates_of(SUM_OF_FP16);
+    assert!(
+        (0.75..1.33).contains(&(mapped / model)),
+        "{mapped} gates, by the model {model}"
+    );
+}
+
+/// NAND2 of an operator on two words of FP16 that rounds its result, by the model.
+fn model_of(operator: impl Fn(&mut Builder, Wire, Wire) -> Wire) -> f64 {
     let half = Word::new("FP16".parse().unwrap());
-    let mut e = Elaboration::default();
+    let mut e = Elaboration::new(Operators::Rounded);
     let g = &mut Builder::new(&mut e, "unit");
     let [a, b] = [(); 2].map(|()| g.input(half));
-    let product = g.times(a, b);
-    g.fit("product", half, product);
+    let result = operator(g, a, b);
+    g.fit("result", half, result);
     let unit = DEFAULT.gates;
     let gates = |part: &Part| match part.operator {
         // docs/book/unit-costs.md.
@@ -643,14 +697,9 @@ fn a_product_in_floating_point_costs_what_synthesis_finds() {
         Operator::Multiplexer(bits) => unit.multiplexer * f64::from(bits),
         // Both are without registers.
         Operator::Register(_) => 0.0,
-        other => panic!("{other:?} is no part of a product"),
+        other => panic!("{other:?} is no part of an operator"),
     };
-    let model: f64 = (e.parts.iter())
+    (e.parts.iter())
         .map(|part| f64::from(part.copies) * gates(part))
-        .sum();
-    let mapped = gates_of(PRODUCT_OF_FP16);
-    assert!(
-        (0.75..1.33).contains(&(mapped / model)),
-        "{mapped} gates, by the model {model}"
-    );
+        .sum()
 }

@@ -86,8 +86,13 @@ fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
     for name in ["fp16", "mixed", "weighted"] {
         all.push((bouquet.clone(), Machine::named(name).unwrap()));
     }
-    let falling = ["sort.depth_weight={}".to_owned()];
-    all.push((bouquet, machines::load("weighted", &falling).unwrap()));
+    for (name, change) in [
+        ("weighted", "sort.depth_weight={}"),
+        ("mixed", "operators=rounded"),
+    ] {
+        let machine = machines::load(name, &[change.to_owned()]).unwrap();
+        all.push((bouquet.clone(), machine));
+    }
     all
 }
 

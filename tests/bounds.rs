@@ -245,6 +245,21 @@ fn a_sampled_frame_has_the_results_of_the_whole_frame_in_its_tiles() {
 }
 
 #[test]
+fn no_pixel_exceeds_its_bound_where_operators_round() {
+    let scene = thinned(scene("bouquet", (40, 32)), 2000);
+    for name in ["fp16", "mixed"] {
+        let [exact, rounded] = ["exact", "rounded"].map(|operators| {
+            let change = format!("operators={operators}");
+            in_lockstep(&scene, &machines::load(name, &[change]).unwrap())
+        });
+        assert_eq!(fault(&rounded), None, "{name}");
+        // Each rounding makes a bound wider.
+        let sum = |frame: &Lockstep| frame.bound.iter().map(|bound| bound.min(10.0)).sum::<f64>();
+        assert!(sum(&rounded) > 1.01 * sum(&exact), "{name}");
+    }
+}
+
+#[test]
 fn no_pixel_of_a_random_machine_exceeds_its_bound() {
     const MACHINES: usize = 200;
     let scenes = [

@@ -15,7 +15,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::BinWords;
 use rtl_model::graph::Graph;
 use rtl_model::graph::verilog::Port;
-use rtl_model::machine::Interpolation;
+use rtl_model::machine::{Interpolation, Operators};
 use rtl_model::pipeline::rtl::Datapath;
 use rtl_model::probe::{NoProbe, Tap};
 use rtl_model::units::bin;
@@ -147,7 +147,7 @@ fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
     ];
     let floating = floating();
     cases.push(of("floating point", &cloud(60, 16), &floating, discs()));
-    let mut nearest = floating;
+    let mut nearest = floating.clone();
     nearest.gauss.table.interpolation = Interpolation::Nearest;
     cases.push((
         "a table of floating point",
@@ -160,9 +160,28 @@ fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
         &named("fp16"),
         ellipsoids(),
     ));
-    let weights = r#"sort.depth_weight={"share": "U1F16S9", "weight": "U1F16S7"}"#;
     // Wide floating-point words are slow to simulate: only the last tier has their corners twice.
     let again = runs(Tier::Full).then_some(60);
+    let rounded = |name, text: &str, machine: &Machine, units| {
+        let machine = Machine {
+            operators: Operators::Rounded,
+            ..machine.clone()
+        };
+        (name, with_stimulus(again, text, &machine, &names), units)
+    };
+    cases.push(rounded(
+        "half precision, operators rounded",
+        &bouquet(60, 16, &json!({"stop": 0.3})),
+        &named("fp16"),
+        ellipsoids(),
+    ));
+    cases.push(rounded(
+        "floating point, operators rounded",
+        &cloud(60, 16),
+        &floating,
+        discs(),
+    ));
+    let weights = r#"sort.depth_weight={"share": "U1F16S9", "weight": "U1F16S7"}"#;
     cases.push((
         "half-precision weights",
         with_stimulus(

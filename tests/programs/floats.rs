@@ -1,6 +1,6 @@
 //! Compares fixed-point and floating-point words at equal area: `gaussian` with fewer and fewer
 //! fraction bits, and `fp16` with fewer and fewer significant bits, in the same words; also with
-//! subnormal numbers flushed to zero.
+//! subnormal numbers flushed to zero, and with operators that round.
 //!
 //! ```sh
 //! cargo run --release --example floats -- [FOLDER]
@@ -9,6 +9,7 @@
 //! in thousands of NAND2. The error is that of the arithmetic, fixed − golden.
 
 use rtl_model::Machine;
+use rtl_model::machine::Operators;
 use rtl_model::num::Format;
 use serde_json::Value;
 use splatsim::accuracy::metrics;
@@ -51,11 +52,15 @@ fn finer(base: &Machine, bits: i32, flushes: bool) -> Result<Machine> {
 /// Bits of fraction or significand, area, and the error in dB on each scene.
 type Row = (i32, f64, [f64; SCENES.len()]);
 
-fn rows(name: &str, steps: &[i32], width: impl Fn(i32) -> i32, flushes: bool) -> Result<Vec<Row>> {
-    let base = machines::load(name, &[])?;
+fn rows(
+    base: &Machine,
+    steps: &[i32],
+    width: impl Fn(i32) -> i32,
+    flushes: bool,
+) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for step in steps {
-        let elaborated = fixed::elaborate(&finer(&base, *step, flushes)?)?;
+        let elaborated = fixed::elaborate(&finer(base, *step, flushes)?)?;
         let gates = Cost::new(&elaborated, &DEFAULT).gates;
         let mut errors = [0.0; SCENES.len()];
         for (error, scene) in errors.iter_mut().zip(SCENES) {
@@ -97,16 +102,28 @@ fn main() -> Result<()> {
     std::fs::create_dir_all(&folder)
         .map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
     let fixed: Vec<i32> = (-12..=0).step_by(2).collect();
-    let fixed = rows("gaussian", &fixed, |step| step, false)?;
-    let floats: Vec<i32> = (-6..=0).collect();
-    let flushed = rows("fp16", &floats, |step| 11 + step, true)?;
-    let floats = rows("fp16", &floats, |step| 11 + step, false)?;
+    let fixed = rows(
+        &machines::load("gaussian", &[])?,
+        &fixed,
+        |step| step,
+        false,
+    )?;
+    let steps: Vec<i32> = (-6..=0).collect();
+    let half = machines::load("fp16", &[])?;
+    let rounding = Machine {
+        operators: Operators::Rounded,
+        ..half.clone()
+    };
+    let floats = rows(&half, &steps, |step| 11 + step, false)?;
+    let flushed = rows(&half, &steps, |step| 11 + step, true)?;
+    let rounded = rows(&rounding, &steps, |step| 11 + step, false)?;
     println!("| words | bits | kGE | {} |", SCENES.join(" | "));
     println!("|---|---|---|{}", "---|".repeat(SCENES.len()));
     let all = [
         ("fixed", &fixed),
         ("float", &floats),
         ("float, flushed", &flushed),
+        ("float, operators rounded", &rounded),
     ];
     for (kind, rows) in all {
         for (bits, area, errors) in rows {

@@ -5,7 +5,7 @@
 //!
 //! Laws: `setup_makes_the_products_that_it_declares`, `every_multiplier_is_declared`.
 
-use crate::machine::{FunctionUnit, Machine};
+use crate::machine::{FunctionUnit, Machine, Operators};
 pub mod latency;
 pub mod masks;
 pub mod microarchitecture;
@@ -70,6 +70,10 @@ pub struct Elaboration {
     pub parts: Vec<Part>,
     /// Every elaboration error, one sentence each.
     pub errors: Vec<String>,
+    /// Whether operators on floating-point words round their results.
+    pub rounds_operators: bool,
+    /// Whether one of them does.
+    has_roundings: bool,
     /// Copies of the parts that are being declared, and whether each lane has its own.
     copies: u32,
     per_lane: bool,
@@ -77,13 +81,7 @@ pub struct Elaboration {
 
 impl Default for Elaboration {
     fn default() -> Self {
-        Elaboration {
-            signals: Vec::new(),
-            parts: Vec::new(),
-            errors: Vec::new(),
-            copies: 1,
-            per_lane: false,
-        }
+        Elaboration::new(Operators::Exact)
     }
 }
 
@@ -103,6 +101,19 @@ fn counted_bits(count: i32) -> String {
 }
 
 impl Elaboration {
+    /// Nothing yet, of a machine with such operators.
+    pub fn new(operators: Operators) -> Self {
+        Elaboration {
+            signals: Vec::new(),
+            parts: Vec::new(),
+            errors: Vec::new(),
+            rounds_operators: operators == Operators::Rounded,
+            has_roundings: false,
+            copies: 1,
+            per_lane: false,
+        }
+    }
+
     /// A word on a port or at a multiplier: at most 32 bits.
     pub fn port(&mut self, unit: &'static str, name: &str, word: Word) {
         self.carried(unit, name, word, word.format.signed);
@@ -325,6 +336,12 @@ impl Elaboration {
         Fit::new(self.signal(unit, name, word), word, from)
     }
 
+    /// Parts that round the result of an operator for the next one.
+    pub fn rounding(&mut self, unit: &'static str, word: Word, from: Operand) {
+        self.has_roundings = true;
+        self.fit_parts(unit, word, from.exact, from.bits);
+    }
+
     /// Parts that round and limit a result of which only `held` bits are not 0.
     fn fit_parts(&mut self, unit: &'static str, word: Word, from: Exact, held: i32) {
         let bits = word.format.stored_bits();
@@ -422,6 +439,13 @@ impl Elaboration {
             newton_steps,
             bits,
         }
+    }
+
+    /// Refuses operators that would round, if none does.
+    pub fn uses_operators(&mut self) {
+        self.require(!self.rounds_operators || self.has_roundings, || {
+            "operators is rounded, but no operator of project, ellipse, colour, contribution, gauss or resolve reads the result of another one on floating-point words: leave it out".into()
+        });
     }
 
     /// Checks that a number is in a range, and limits it to that range.

@@ -1,11 +1,11 @@
 //! Builder: makes a unit's graph, and declares what it takes: parts, signals, misfits.
 
 use super::{Body, Functions, Graph, Node, Operator, Power, Wire};
-use crate::elaboration::Elaboration;
+use crate::elaboration::{EXPONENT_BITS, Elaboration};
 use crate::functions::reciprocal::NORMALISED_FRAC_BITS;
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::FunctionUnit;
-use crate::num::{Exact, Format, Word, align};
+use crate::num::{Exact, Fit, Format, Overflow, Rounding, Word, align};
 
 /// Builds a graph for a unit.
 #[derive(Debug)]
@@ -18,7 +18,24 @@ pub struct Builder<'e> {
     /// Of each wire that holds an exponent what it is a power of, and that power in words of such
     /// wires: a unit counts a power from where it begins, while a power is counted from 1.
     words: Vec<(Wire, Power)>,
+    /// Results of floating-point operators that are not rounded yet, with the bits that each is
+    /// rounded to, and where it is rounded.
+    unrounded: Vec<Unrounded>,
 }
+
+/// A result that is rounded where the next operator reads it. A word that is made from it rounds it
+/// by itself.
+#[derive(Clone, Copy, Debug)]
+struct Unrounded {
+    wire: Wire,
+    significant_bits: i32,
+    rounded: Option<Wire>,
+}
+
+/// Signal of a rounding before it is known which word is made from the result.
+const NO_SIGNAL: usize = usize::MAX;
+/// Bits behind a significand in a floating-point adder: guard, round, sticky.
+const GUARD_BITS: i32 = 3;
 
 /// Shape of an exponent.
 const EXPONENT: Exact = Exact {
@@ -41,6 +58,7 @@ impl<'e> Builder<'e> {
             functions: Functions::default(),
             inputs: 0,
             words: Vec::new(),
+            unrounded: Vec::new(),
         }
     }
 
@@ -61,7 +79,101 @@ impl<'e> Builder<'e> {
             operator,
             ..self.of(from)
         });
-        Wire((self.nodes.len() - 1) as u16)
+        let wire = Wire((self.nodes.len() - 1) as u16);
+        if let Some(known) = self.unrounded_of(from) {
+            self.unrounded.push(Unrounded {
+                wire,
+                rounded: None,
+                ..known
+            });
+        }
+        wire
+    }
+
+    /// What no word is made from, such as a condition's operand, belongs to the next word.
+    fn name_other_roundings(&mut self) {
+        let mut next = None;
+        for node in self.nodes.iter_mut().rev() {
+            match &mut node.operator {
+                Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => next = Some(fit.signal),
+                Operator::Rounded(_, fit) if fit.signal == NO_SIGNAL => {
+                    fit.signal = next.unwrap_or_default();
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn unrounded_of(&self, wire: Wire) -> Option<Unrounded> {
+        self.unrounded
+            .iter()
+            .find(|known| known.wire == wire)
+            .copied()
+    }
+
+    /// Significant bits that an operator on two wires rounds its result to; none where it is exact,
+    /// as all operators are unless the machine says otherwise, and those in fixed point are.
+    fn rounds_to(&self, operands: [Wire; 2]) -> Option<i32> {
+        let bits_of = |wire: Wire| match (self.unrounded_of(wire), self.of(wire)) {
+            (Some(known), _) => Some(known.significant_bits),
+            (None, node) if node.is_float() => Some(node.significant_bits),
+            // It is converted when the machine is built.
+            (None, node) => matches!(node.operator, Operator::Constant(_)).then_some(0),
+        };
+        let [a, b] = operands.map(bits_of);
+        let bits = a?.max(b?);
+        (self.e.rounds_operators && bits > 0).then_some(bits)
+    }
+
+    /// What an operator reads: a result of a floating-point operator is rounded before.
+    fn operand(&mut self, wire: Wire) -> Wire {
+        let Some(nth) = self.unrounded.iter().position(|known| known.wire == wire) else {
+            return wire;
+        };
+        let Unrounded {
+            significant_bits,
+            rounded,
+            ..
+        } = self.unrounded[nth];
+        if let Some(rounded) = rounded {
+            return rounded;
+        }
+        let node = self.of(wire);
+        if node.shape.bits() <= significant_bits {
+            return wire;
+        }
+        let word = Word {
+            format: Format {
+                signed: node.signed,
+                int_bits: node.shape.int_bits + i32::from(node.signed),
+                frac_bits: node.shape.frac_bits,
+                significant_bits,
+                flushes: false,
+            },
+            round: Rounding::NearestEven,
+            overflow: Overflow::Saturate,
+        };
+        self.e.rounding(self.unit, word, node.result());
+        let fit = Fit::new(NO_SIGNAL, word, node.shape);
+        let rounded = self.word(Operator::Rounded(wire, fit), word, node.power);
+        self.unrounded[nth].rounded = Some(rounded);
+        rounded
+    }
+
+    /// Says that what is rounded on the way to a wire belongs to a signal.
+    fn name_roundings(&mut self, wire: Wire, signal: usize) {
+        let mut open = vec![wire];
+        while let Some(wire) = open.pop() {
+            match &mut self.nodes[wire.place()].operator {
+                Operator::Fit(..) | Operator::FitShifted(..) => continue,
+                Operator::Rounded(_, fit) if fit.signal != NO_SIGNAL => continue,
+                Operator::Rounded(_, fit) => fit.signal = signal,
+                _ => {}
+            }
+            self.nodes[wire.place()]
+                .operator
+                .reads(|wire| open.push(wire));
+        }
     }
 
     /// A wire with so many significant bits.
@@ -211,8 +323,10 @@ impl<'e> Builder<'e> {
         self.node(Operator::Constant(places), shape, places < 0, Power::ONE)
     }
 
-    /// Exact product, by a multiplier.
+    /// A product, by a multiplier.
     pub fn times(&mut self, a: Wire, b: Wire) -> Wire {
+        let rounds_to = self.rounds_to([a, b]);
+        let [a, b] = [self.operand(a), self.operand(b)];
         let [x, y] = [a, b].map(|wire| self.of(wire));
         let bits = [x, y].map(|node| node.factor_bits());
         let is_float = x.is_float() || y.is_float();
@@ -224,7 +338,19 @@ impl<'e> Builder<'e> {
             x.power.times(y.power),
         );
         let significant_bits = if is_float { bits[0] + bits[1] } else { 0 };
-        self.significant(product, significant_bits)
+        self.significant(product, significant_bits);
+        self.to_be_rounded(product, rounds_to)
+    }
+
+    /// A result, which is rounded if another operator reads it.
+    fn to_be_rounded(&mut self, wire: Wire, significant_bits: Option<i32>) -> Wire {
+        self.unrounded
+            .extend(significant_bits.map(|significant_bits| Unrounded {
+                wire,
+                significant_bits,
+                rounded: None,
+            }));
+        wire
     }
 
     /// Times 2^`places`, by wiring.
@@ -234,9 +360,7 @@ impl<'e> Builder<'e> {
         scaled
     }
 
-    fn terms(&mut self, a: Wire, b: Wire) -> [u32; 2] {
-        self.placed(a);
-        self.placed(b);
+    fn aligned(&self, a: Wire, b: Wire) -> [u32; 2] {
         let [x, y] = [a, b].map(|wire| self.of(wire));
         debug_assert_eq!(
             x.power.times(y.power.inverse()),
@@ -246,20 +370,44 @@ impl<'e> Builder<'e> {
         align([x.shape.frac_bits, y.shape.frac_bits])
     }
 
+    /// Terms of a sum as the adder reads them, their places, and the bits that it rounds to.
+    fn terms(&mut self, a: Wire, b: Wire, shape: Exact) -> ([Wire; 2], [u32; 2], Option<i32>) {
+        let rounds_to = self.rounds_to([a, b]);
+        let terms = [self.operand(a), self.operand(b)];
+        if let Some(bits) = rounds_to {
+            // The term with the lesser exponent is shifted; what leaves the guard bits only counts
+            // as whether it is 0.
+            self.e.adders(self.unit, 1, EXPONENT_BITS);
+            self.e.copies(2, |e| e.choice(self.unit, 2, bits));
+            self.e.shifter(self.unit, bits + GUARD_BITS);
+            self.e.adders(self.unit, 1, bits + GUARD_BITS);
+        } else {
+            self.e.adders(self.unit, 1, shape.bits());
+            terms.into_iter().for_each(|term| self.placed(term));
+        }
+        (terms, self.aligned(terms[0], terms[1]), rounds_to)
+    }
+
+    /// A sum or difference, with the bits that remain of it where it is rounded.
+    fn sum(&mut self, operator: Operator, node: (Exact, bool, Power), bits: Option<i32>) -> Wire {
+        let (shape, signed, power) = node;
+        let sum = self.node(operator, shape, signed, power);
+        self.significant(sum, bits.map_or(0, |bits| bits + GUARD_BITS));
+        self.to_be_rounded(sum, bits)
+    }
+
     /// A sum that is known to have no more than a shape, by an adder as wide.
     pub fn plus_within(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
-        self.e.adders(self.unit, 1, shape.bits());
-        let lefts = self.terms(a, b);
-        let [x, y] = [a, b].map(|wire| self.of(wire));
-        self.node(
-            Operator::Sum([a, b], lefts),
-            shape,
-            x.signed || y.signed,
-            x.power,
+        let (terms, lefts, rounds_to) = self.terms(a, b, shape);
+        let [x, y] = terms.map(|wire| self.of(wire));
+        self.sum(
+            Operator::Sum(terms, lefts),
+            (shape, x.signed || y.signed, x.power),
+            rounds_to,
         )
     }
 
-    /// An exact sum, by an adder.
+    /// A sum, by an adder.
     pub fn plus(&mut self, a: Wire, b: Wire) -> Wire {
         let shape = self.of(a).shape.plus(self.of(b).shape);
         self.plus_within(a, b, shape)
@@ -267,19 +415,22 @@ impl<'e> Builder<'e> {
 
     /// A difference that is known to have no more than a shape, by an adder as wide.
     pub fn minus_within(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
-        self.e.adders(self.unit, 1, shape.bits());
-        let lefts = self.terms(a, b);
+        let (terms, lefts, rounds_to) = self.terms(a, b, shape);
         let power = self.power(a);
-        self.node(Operator::Difference([a, b], lefts), shape, true, power)
+        self.sum(
+            Operator::Difference(terms, lefts),
+            (shape, true, power),
+            rounds_to,
+        )
     }
 
-    /// An exact difference, by an adder.
+    /// A difference, by an adder.
     pub fn minus(&mut self, a: Wire, b: Wire) -> Wire {
         let shape = self.of(a).shape.plus(self.of(b).shape);
         self.minus_within(a, b, shape)
     }
 
-    /// Σ aᵢ·bᵢ, exact.
+    /// Σ aᵢ·bᵢ.
     pub fn dot(&mut self, a: [Wire; 3], b: [Wire; 3]) -> Wire {
         let [x, y, z] = [0, 1, 2].map(|i| self.times(a[i], b[i]));
         let sum = self.plus(x, y);
@@ -321,6 +472,7 @@ impl<'e> Builder<'e> {
 
     /// Negated where `by` is above 0: the least word has no opposite among the words.
     pub fn turned(&mut self, from: Wire, by: Wire) -> Wire {
+        let from = self.operand(from);
         self.placed(from);
         let Node { shape, power, .. } = self.of(from);
         self.e.limit(self.unit, self.of(from).bits() + 1);
@@ -360,11 +512,13 @@ impl<'e> Builder<'e> {
 
     /// The lesser of two words of one format; the unit declares the gates.
     pub fn lesser(&mut self, a: Wire, b: Wire) -> Wire {
+        let [a, b] = [self.operand(a), self.operand(b)];
         self.alike(Operator::Lesser([a, b]), a)
     }
 
     /// The greater of two words of one format; the unit declares the gates.
     pub fn greater(&mut self, a: Wire, b: Wire) -> Wire {
+        let [a, b] = [self.operand(a), self.operand(b)];
         self.alike(Operator::Greater([a, b]), a)
     }
 
@@ -382,6 +536,7 @@ impl<'e> Builder<'e> {
 
     /// One ulp more, by the carry input of the operator that reads it.
     pub fn an_ulp_more(&mut self, from: Wire) -> Wire {
+        let from = self.operand(from);
         self.placed(from);
         let node = self.alike(Operator::APlaceMore(from), from);
         self.significant(node, 0);
@@ -399,6 +554,7 @@ impl<'e> Builder<'e> {
     pub fn fit(&mut self, name: &str, word: Word, from: Wire) -> Wire {
         let node = self.of(from);
         let fit = self.e.fit(self.unit, name, word, node.result());
+        self.name_roundings(from, fit.signal);
         self.word(Operator::Fit(from, fit), word, node.power)
     }
 
@@ -414,12 +570,14 @@ impl<'e> Builder<'e> {
     pub fn fit_to(&mut self, name: &str, word: Word, from: Wire, power: Power) -> Wire {
         let node = self.of(from);
         let fit = self.e.fit_shifted(self.unit, name, word, node.result());
+        self.name_roundings(from, fit.signal);
         let more = self.exponent_of(power.times(node.power.inverse()));
         self.word(Operator::FitShifted(from, more, fit), word, power)
     }
 
     /// A word of the table called `name`, which the fit of the table makes.
     pub fn look_up(&mut self, name: &str, table: Table, argument: Wire) -> Wire {
+        let argument = self.operand(argument);
         let word = table.fit().word;
         self.functions.roms[2].push(format!("{}.{name}", self.unit));
         self.functions.tables.push(table);
@@ -436,6 +594,8 @@ impl<'e> Builder<'e> {
         parts: [Wire; N],
         int_bits: i32,
     ) -> [Wire; N] {
+        let largest = self.operand(largest);
+        let parts = parts.map(|part| self.operand(part));
         let Node { shape, power, .. } = self.of(largest);
         let frac_bits = NORMALISED_FRAC_BITS + 1 - int_bits;
         // A leading one at bit 61 was at 61 − lead, and is 2^(61 − lead − frac_bits).
@@ -472,6 +632,7 @@ impl<'e> Builder<'e> {
 
     /// All bits of three magnitudes, and at least a last place.
     pub fn largest(&mut self, parts: [Wire; 3]) -> Wire {
+        let parts = parts.map(|part| self.operand(part));
         parts.iter().for_each(|part| self.placed(*part));
         let node = self.alike(Operator::Largest(parts), parts[0]);
         self.significant(node, 0);
@@ -482,6 +643,7 @@ impl<'e> Builder<'e> {
 
     /// 1/x of a positive word, by a normaliser and the reciprocal called `name`.
     pub fn reciprocal(&mut self, name: &str, config: FunctionUnit, x: Wire) -> Wire {
+        let x = self.operand(x);
         let node = self.of(x);
         self.e.normaliser(self.unit, node.bits());
         self.functions.roms[0].push(format!("{}.{name}", self.unit));
@@ -505,9 +667,10 @@ impl<'e> Builder<'e> {
         name: &str,
         config: FunctionUnit,
         x: Wire,
-        operator: impl FnOnce(usize) -> Operator,
+        operator: impl FnOnce(Wire, usize) -> Operator,
         shape: Exact,
     ) -> Wire {
+        let x = self.operand(x);
         let node = self.of(x);
         self.e.normaliser(self.unit, node.bits());
         self.functions.roms[1].push(format!("{}.{name}", self.unit));
@@ -518,7 +681,7 @@ impl<'e> Builder<'e> {
             config,
             node.shape.frac_bits,
         ));
-        let operator = operator(self.functions.roots.len() - 1);
+        let operator = operator(x, self.functions.roots.len() - 1);
         let is_inverse = matches!(operator, Operator::InverseRoot(..));
         let root = self.node(operator, shape, false, Power::ONE);
         let of = node.power.root();
@@ -534,7 +697,7 @@ impl<'e> Builder<'e> {
             name,
             config,
             x,
-            |unit| Operator::InverseRoot(x, unit),
+            Operator::InverseRoot,
             config.format().into(),
         )
     }
@@ -547,7 +710,7 @@ impl<'e> Builder<'e> {
             name,
             config,
             x,
-            |unit| Operator::Root(x, unit),
+            Operator::Root,
             word.times(word).scaled(1),
         );
         self.e.times(self.unit, config.format(), config.format());
@@ -556,7 +719,10 @@ impl<'e> Builder<'e> {
 
     /// Where `a` is greater; the unit declares what compares them.
     pub fn above(&mut self, a: Wire, b: Wire) -> Wire {
-        let lefts = self.terms(a, b);
+        let [a, b] = [self.operand(a), self.operand(b)];
+        self.placed(a);
+        self.placed(b);
+        let lefts = self.aligned(a, b);
         self.condition(Operator::Above([a, b], lefts))
     }
 
@@ -590,6 +756,9 @@ impl<'e> Builder<'e> {
 
     /// The graph, with these results.
     pub fn build<const OUTPUTS: usize>(&mut self, outputs: [Wire; OUTPUTS]) -> Graph<OUTPUTS> {
+        let outputs = outputs.map(|wire| self.operand(wire));
+        self.name_other_roundings();
+        self.unrounded.clear();
         let (nodes, functions) = (
             std::mem::take(&mut self.nodes),
             std::mem::take(&mut self.functions),

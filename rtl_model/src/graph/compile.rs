@@ -175,7 +175,10 @@ impl<'n> Compiler<'n> {
             return false;
         }
         let reader = self.nodes[self.readers[wire.place()]].operator;
-        let is_fit = matches!(reader, Operator::Fit(..) | Operator::FitShifted(..));
+        let is_fit = matches!(
+            reader,
+            Operator::Fit(..) | Operator::FitShifted(..) | Operator::Rounded(..)
+        );
         match self.nodes[wire.place()].operator {
             Operator::Product(_) => {
                 is_fit || matches!(reader, Operator::Sum(..) | Operator::Difference(..))
@@ -373,6 +376,11 @@ impl<'n> Compiler<'n> {
             }
             Operator::Fit(from, fit) => self.fit(from, None, fit, to),
             Operator::FitShifted(from, more, fit) => self.fit(from, Some(more), fit, to),
+            Operator::Rounded(from, fit) => {
+                let source = self.rounding_source(from);
+                let sink = Sink::Rounded(fit, self.row(EXACT, to));
+                self.steps.push(Step::Value { source, sink });
+            }
             Operator::Largest(parts) => {
                 let rows = parts.map(|part| self.exact(part));
                 self.read(&parts);
@@ -488,8 +496,8 @@ impl<'n> Compiler<'n> {
         self.steps.push(step(row, to, exponent));
     }
 
-    fn fit(&mut self, from: Wire, more: Option<Wire>, fit: Fit, to: Wire) {
-        let more_row = more.map(|more| self.word(more));
+    /// How a result is made that is rounded there.
+    fn rounding_source(&mut self, from: Wire) -> Source {
         let from = self.resolved(from);
         let is_made_here = self.is_deferred(from);
         let source = self.source(from);
@@ -499,6 +507,12 @@ impl<'n> Compiler<'n> {
         } else {
             self.read(&[from]);
         }
+        source
+    }
+
+    fn fit(&mut self, from: Wire, more: Option<Wire>, fit: Fit, to: Wire) {
+        let more_row = more.map(|more| self.word(more));
+        let source = self.rounding_source(from);
         more.into_iter().for_each(|more| self.read(&[more]));
         let sink = match more_row {
             Some(more) => Sink::FitShifted(fit, more, self.row(WORD, to)),

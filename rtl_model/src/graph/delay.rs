@@ -57,6 +57,12 @@ impl Body {
     fn through(&self, node: &Node, path: Path) -> Path {
         let bits = node.bits();
         let path = match node.operator {
+            // An adder in floating point compares exponents, and shifts the term with the lesser
+            // one.
+            Operator::Sum(..) | Operator::Difference(..) if node.is_float() => path
+                .compare(EXPONENT_BITS)
+                .choose(2)
+                .shift(node.significant_bits),
             // The bits of what has an exponent are shifted to their places.
             Operator::Sum([a, b], _)
             | Operator::Difference([a, b], _)
@@ -71,7 +77,7 @@ impl Body {
             Operator::Product([a, b]) => {
                 path.product(self.node(a).factor_bits(), self.node(b).factor_bits())
             }
-            Operator::Sum(..) | Operator::Difference(..) => path.sum(bits),
+            Operator::Sum(..) | Operator::Difference(..) => path.sum(node.factor_bits()),
             Operator::Above([a, b], lefts) => {
                 let bits = [a, b].map(|wire| self.bits(wire));
                 path.compare((bits[0] + lefts[0] as i32).max(bits[1] + lefts[1] as i32))
@@ -84,7 +90,9 @@ impl Body {
             Operator::Opposed(..) | Operator::Natural(_) | Operator::AtLeastOne(_) => {
                 path.choose(2)
             }
-            Operator::Fit(from, fit) | Operator::FitShifted(from, _, fit) => {
+            Operator::Fit(from, fit)
+            | Operator::FitShifted(from, _, fit)
+            | Operator::Rounded(from, fit) => {
                 let is_float = fit.word.format.is_float();
                 let path = match (node.operator, is_float) {
                     (Operator::FitShifted(..), true) => path.compare(EXPONENT_BITS),

@@ -12,8 +12,8 @@
 //! ```
 //! A wire has a shape, how far it reaches above and below the binary point, and may be relative to
 //! a [`Power`] of two that the data decides on. Sums and products grow; [`Builder::fit`] and
-//! [`Builder::fit_to`] are the only operators that lose bits, at a named signal. A condition is a
-//! wire of words −1 (holds) and 0.
+//! [`Builder::fit_to`] are the only operators that lose bits, at a named signal; except on machines
+//! that round every floating-point operator. A condition is a wire of words −1 (holds) and 0.
 //!
 //! Law: `a_batch_equals_one_item_at_a_time`.
 
@@ -78,6 +78,9 @@ enum Operator {
     /// A table's word, by the table's place.
     Lookup(Wire, usize),
     Fit(Wire, Fit),
+    /// A result of a floating-point operator, rounded for the next one. No probe sees it; the fit
+    /// names the word that is made from it.
+    Rounded(Wire, Fit),
     /// A result that has so many more fraction bits than its shape says.
     FitShifted(Wire, Wire, Fit),
     /// All bits of three magnitudes: it has as many places as the largest.
@@ -139,6 +142,7 @@ impl Operator {
             }
             Operator::Lookup(from, table) => Operator::Lookup(of(from), table),
             Operator::Fit(from, fit) => Operator::Fit(of(from), fit),
+            Operator::Rounded(from, fit) => Operator::Rounded(of(from), fit),
             Operator::FitShifted(from, more, fit) => Operator::FitShifted(of(from), of(more), fit),
             Operator::Largest(parts) => Operator::Largest(parts.map(of)),
             Operator::Lead(from) => Operator::Lead(of(from)),
@@ -307,6 +311,7 @@ impl Body {
                     tapped!(tap => tap.fit_one(tables[table].fit(), tables[table].exact(of(from))))
                 }
                 Operator::Fit(from, ref fit) => tapped!(tap => tap.fit_one(fit, of(from))),
+                Operator::Rounded(from, ref fit) => fit.one(of(from)),
                 Operator::FitShifted(from, more, ref fit) => {
                     tapped!(tap => tap.fit_one_shifted(fit, of(from), of(more)))
                 }

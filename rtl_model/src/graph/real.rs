@@ -282,7 +282,9 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 let table = &self.body.functions.tables[table];
                 each!(from => look_up(table, from).fit(table.fit(), Scale::ONE))
             }
-            Operator::Fit(from, ref fit) | Operator::FitShifted(from, _, ref fit) => {
+            Operator::Fit(from, ref fit)
+            | Operator::FitShifted(from, _, ref fit)
+            | Operator::Rounded(from, ref fit) => {
                 Outcome::Values(R::fit_each(
                     of(from),
                     fit,

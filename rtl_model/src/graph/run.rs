@@ -60,6 +60,8 @@ pub(super) enum Sink {
     FitWide(Fit, usize),
     /// Of results that have so many more fraction bits.
     FitShifted(Fit, usize, usize),
+    /// Rounded between two operators, unseen by the probe.
+    Rounded(Fit, usize),
 }
 
 /// What is done to one wire.
@@ -564,6 +566,12 @@ impl<P: Probe> Run<'_, '_, P> {
                             for row in 0..rows {
                                 tap.item(row, live[row]);
                                 to[row].set(tap.fit_wide(fit, made[row]).to_evens_first());
+                            }
+                        }
+                        Sink::Rounded(ref fit, to) => {
+                            let to = &exacts[to];
+                            for row in 0..rows {
+                                to[row].set(fit.wide(made[row]).to_evens_first());
                             }
                         }
                         Sink::FitShifted(ref fit, more, to) => {

@@ -5,7 +5,7 @@ use super::*;
 use crate::elaboration::Elaboration;
 use crate::elaboration::latency::Path;
 use crate::kernels::host::{Host, Unvectorised, Vectorised};
-use crate::machine::FunctionUnit;
+use crate::machine::{FunctionUnit, Operators};
 use crate::num::tests::also_floating;
 use crate::num::{Format, LANES, Overflow, Rounding, Word};
 use crate::probe::{NoProbe, Ranges};
@@ -34,8 +34,8 @@ fn words() -> impl Strategy<Value = Word> {
 
 /// A graph of random operators, as far as 62 bits hold what they make. Its results are its last two
 /// words.
-fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
-    let e = &mut Elaboration::default();
+fn graph(inputs: &[Word], choices: &[Choice], operators: Operators) -> Graph<2> {
+    let e = &mut Elaboration::new(operators);
     let g = &mut Builder::new(e, "unit");
     // Wires that are words, and may be multiplied, and all.
     let mut operands: Vec<Wire> = inputs.iter().map(|word| g.input(*word)).collect();
@@ -177,8 +177,9 @@ proptest! {
         inputs in prop::collection::vec(words(), 1..4),
         choices in prop::collection::vec((any::<u8>(), any::<u16>(), any::<u16>(), words()), 1..20),
         seeds in prop::collection::vec(any::<[u64; 4]>(), 1..=BATCH),
+        operators in prop::sample::select(vec![Operators::Exact, Operators::Rounded]),
     ) {
-        let graph = graph(&inputs, &choices);
+        let graph = graph(&inputs, &choices, operators);
         let word = |(nth, word): (usize, &Word), seeds: &[u64; 4]| {
             let (least, most) = (word.format.min(), word.format.max());
             // The ends too, each in one of eight.
@@ -209,8 +210,9 @@ proptest! {
         choices in prop::collection::vec((any::<u8>(), any::<u16>(), any::<u16>(), words()), 1..20),
         seeds in any::<[[i32; 4]; 3]>(),
         turned in any::<[Option<bool>; 3]>(),
+        operators in prop::sample::select(vec![Operators::Exact, Operators::Rounded]),
     ) {
-        let graph = graph(&inputs, &choices);
+        let graph = graph(&inputs, &choices, operators);
         let asked = graph.asked_for_results();
         let of_item = |seeds: &[i32; 4], nth: usize| {
             let value = f64::from(seeds[nth]) * power_of_two(-inputs[nth].format.frac_bits);

@@ -354,7 +354,9 @@ impl Writer<'_> {
             // Only the host goes on with an item that is dropped.
             Operator::Guarded(from, ..) => self.of(from),
             Operator::Lookup(argument, table) => self.lookup(place, argument, table),
-            Operator::Fit(from, fit) => self.fit(place, from, None, &fit),
+            Operator::Fit(from, fit) | Operator::Rounded(from, fit) => {
+                self.fit(place, from, None, &fit)
+            }
             Operator::FitShifted(from, more, fit) => self.fit(place, from, Some(more), &fit),
             Operator::Largest(parts) => {
                 let parts = parts.map(|part| self.magnitude(part, bits));

@@ -17,6 +17,9 @@ pub mod timing;
 pub struct Machine {
     /// Name in reports.
     pub name: String,
+    /// Operators on floating-point words. Left out: `exact`.
+    #[serde(default, skip_serializing_if = "Operators::are_exact")]
+    pub operators: Operators,
     /// The splat record in memory.
     pub splat: Splat,
     /// World point → camera → pixel.
@@ -51,6 +54,24 @@ pub struct Machine {
     pub resolve: Resolve,
     /// The microarchitecture. It changes no picture.
     pub timing: timing::Timing,
+}
+
+/// What a product or a sum of floating-point words is before it becomes a word.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Operators {
+    /// Exact: only words are rounded.
+    #[default]
+    Exact,
+    /// Rounded to nearest even, to the significant bits of the more precise operand, before another
+    /// operator reads it. Units: `project`, `ellipse`, `colour`, `contribution`, `gauss`, `resolve`.
+    Rounded,
+}
+
+impl Operators {
+    fn are_exact(&self) -> bool {
+        *self == Operators::Exact
+    }
 }
 
 /// A reciprocal or root: table, then Newton steps.

@@ -2,7 +2,7 @@
 
 use super::{
     Colour, Ellipse, Ellipsoid, Fragment, FragmentDepth, FunctionUnit, Gauss, Group, Interpolation,
-    Machine, Merge, Project, Raster, Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat,
+    Machine, Merge, Operators, Project, Raster, Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat,
     TableShape, Window, published, timing,
 };
 use crate::num::{Format, Overflow, Rounding, Word};
@@ -64,6 +64,7 @@ fn reference() -> Machine {
     };
     Machine {
         name: "reference".into(),
+        operators: Operators::Exact,
         splat: Splat {
             position: signed(1, 26),
             normal: signed(2, 22),
@@ -214,6 +215,7 @@ fn lean() -> Machine {
     let base = reference();
     Machine {
         name: "lean".into(),
+        operators: Operators::Exact,
         splat: Splat {
             position: signed(1, 22),
             normal: signed(2, 14),
@@ -355,6 +357,7 @@ fn tiny() -> Machine {
     let base = reference();
     Machine {
         name: "tiny".into(),
+        operators: Operators::Exact,
         splat: Splat {
             position: signed(1, 11),
             normal: signed(2, 6),

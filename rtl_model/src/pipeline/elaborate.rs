@@ -153,7 +153,7 @@ impl Machine {
     /// Checks the description and works out everything that does not change while it draws; or
     /// every misfit, a sentence each.
     pub fn elaborate(&self) -> Result<Elaborated, Vec<String>> {
-        let e = &mut Elaboration::default();
+        let e = &mut Elaboration::new(self.operators);
         check_splat(self, e);
         let (project, ellipse, colour) = (
             project::Project::new(e, self),
@@ -179,6 +179,7 @@ impl Machine {
         // holds in the end.
         let shade = e.copies(self.shade_units(), |e| shade::Shade::new(e, self));
         let resolve = resolve::Resolve::new(e, self);
+        e.uses_operators();
         let emission = self.elaborate_emission(e);
         let bin = self.elaborate_bin(e);
         let paths = Paths {

@@ -72,7 +72,7 @@ pub fn bits(words: &machine::Colour, degree: u32) -> i32 {
 
 /// Critical path with harmonics of a degree.
 pub fn path(machine: &Machine, words: &machine::Colour, degree: u32) -> Path {
-    let e = &mut Elaboration::default();
+    let e = &mut Elaboration::new(machine.operators);
     let g = &mut Builder::new(e, UNIT);
     let words = machine::Colour { degree, ..*words };
     let rgb = coloured(g, machine, &words);

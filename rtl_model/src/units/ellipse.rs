@@ -433,7 +433,7 @@ impl Ellipse {
             + usize::from(variant.has_aspect);
         self.datapaths[number].get_or_init(|| {
             // Its parts are already declared.
-            let e = &mut Elaboration::default();
+            let e = &mut Elaboration::new(self.machine.operators);
             e.signals.clone_from(&self.signals);
             let g = &mut Builder::new(e, UNIT);
             let (results, bounded) = set_up(g, &self.machine, variant);

@@ -68,7 +68,7 @@ fn falloff(e: &mut Elaboration, machine: &Machine) -> Table {
 /// Weights from arguments of the table, without the clamp before it: inputs are `radial_index` and
 /// `amplitude`.
 pub fn weights(machine: &Machine) -> Graph<1> {
-    let e = &mut Elaboration::default();
+    let e = &mut Elaboration::new(machine.operators);
     let table = falloff(e, machine);
     let g = &mut Builder::new(e, UNIT);
     let (radial_index, amplitude) = (

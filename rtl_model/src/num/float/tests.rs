@@ -3,6 +3,7 @@
 use super::*;
 use crate::elaboration::Elaboration;
 use crate::graph::{Builder, Graph, Wire};
+use crate::machine::Operators;
 use crate::num::{Exact, Fit, Overflow, Rounding, Word};
 use crate::probe::{NoProbe, Tap};
 use half::f16;
@@ -321,6 +322,71 @@ fn a_word_is_rounded_to_nearest_even_if_the_description_leaves_it_out() {
     }
     let truncated = r#"{"format":"I8F24S11","round":"truncate","overflow":"saturate"}"#;
     assert_eq!(serde_json::to_string(&read(truncated)).unwrap(), truncated);
+}
+
+/// A number rounded to nearest even to 11 significant bits, as FP16 without limits of its exponent.
+fn half_of(exact: f64) -> f64 {
+    // 42 of 53 bits go: adding and taking away a multiple rounds them (Veltkamp's splitting).
+    let far = exact * f64::from(1u32 << 21) * f64::from(1u32 << 21);
+    (exact + far) - far
+}
+
+/// A sum of two products less a third number.
+fn sum_of_products(operators: Operators, numbers: Format) -> Graph<1> {
+    let mut e = Elaboration::new(operators);
+    let g = &mut Builder::new(&mut e, "unit");
+    let [a, b, c, d, rest] = [(); 5].map(|()| g.input(Word::new(numbers)));
+    let (first, second) = (g.times(a, b), g.times(c, d));
+    let sum = g.plus(first, second);
+    let difference = g.minus(sum, rest);
+    let graph = g.build([difference]);
+    assert_eq!(e.errors, [""; 0]);
+    graph
+}
+
+#[test]
+fn operators_that_round_give_the_results_of_the_crate_half() {
+    // Numbers below 64 that are multiples of 2^−20: results of FP16 that is not subnormal, and of
+    // smaller numbers too.
+    let numbers = format("I7F20S11");
+    let [graph, exact] = [Operators::Rounded, Operators::Exact]
+        .map(|operators| sum_of_products(operators, numbers));
+    let mut state = 1u64;
+    let (mut different, mut of_half) = (0, 0);
+    for _ in 0..200_000 {
+        let values = [numbers; 5].map(|format| {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            // Any exponent, any significand.
+            let magnitude = (1024 + (state >> 40 & 1023)) << (state >> 32) % 16;
+            let word = magnitude as i64 * (1 - 2 * (state >> 63) as i64);
+            format.value(format.representable(word))
+        });
+        let words = values.map(|value| (value * 2f64.powi(20)) as i64);
+        let [a, b, c, d, rest] = values;
+        let value = |graph: &Graph<1>| {
+            let [word] = graph.one(&words, &mut Tap::new(&mut NoProbe));
+            word as f64 * 2f64.powi(-40)
+        };
+        let steps = [half_of(a * b), half_of(c * d)];
+        let sum = half_of(steps[0] + steps[1]);
+        let expected = half_of(sum - rest);
+        assert_eq!(value(&graph), expected, "{values:?}");
+        different += u32::from(half_of(value(&exact)) != expected);
+        // The crate has no numbers beyond 65504, and fewer bits below 2^−14.
+        let [a, b, c, d, rest] = values.map(f16::from_f64);
+        let by_crate = [a * b, c * d, a * b + c * d, a * b + c * d - rest];
+        if by_crate
+            .iter()
+            .all(|number| number.is_normal() && number.is_finite())
+        {
+            assert_eq!(expected, by_crate[3].to_f64(), "{values:?}");
+            of_half += 1;
+        }
+    }
+    // Many results differ from those of exact operators, and most are numbers of FP16.
+    assert!(different > 40_000 && of_half > 100_000, "{different}, {of_half}");
 }
 
 proptest! {
