@@ -7,7 +7,7 @@ use crate::tier::{self, Tier};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
-use rtl_model::machine::Rows;
+use rtl_model::machine::{Operators, Rows};
 use rtl_model::num::{Format, Word};
 use serde_json::json;
 use splatsim::accuracy::attribution::{Share, attribute};
@@ -62,7 +62,7 @@ fn different(a: &Picture, b: &Picture) -> usize {
 }
 
 /// Volumes in either order and by either law, one of them with a flattened surface, and Gaussians;
-/// each with its machine.
+/// each with its machine. And discs on a machine for Gaussians.
 fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
     let texts = [
         json!({"splats": {"volume": {"builtin": "nested-shells", "samples": 48},
@@ -93,6 +93,8 @@ fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
         let machine = machines::load(name, &[change.to_owned()]).unwrap();
         all.push((bouquet.clone(), machine));
     }
+    let rounding = machines::load("fp16", &["operators=rounded".to_owned()]).unwrap();
+    all.push((thinned(scene("torus-knot", size), 5_000), rounding));
     all
 }
 
@@ -159,6 +161,25 @@ fn with_every_word_it_is_the_machine() {
                 machine.name
             );
         }
+    }
+}
+
+/// The picture without a probe too: the host's kernels have no operators that round.
+#[test]
+fn with_every_word_it_is_a_machine_whose_operators_round() {
+    let rounding = |(_, machine): &(Scene, Machine)| machine.operators == Operators::Rounded;
+    let all: Vec<_> = (of_ellipsoids((48, 40)).into_iter().filter(rounding)).collect();
+    assert_eq!(all.len(), 2);
+    for (scene, machine) in all {
+        let (quantised, fixed) = drawn(&scene, &machine).unwrap();
+        let mixed = mixed(&scene, &machine, &quantised, |_| true);
+        assert_eq!(different(&mixed, &fixed), 0, "{}", scene.name);
+        let exact = Machine {
+            operators: Operators::Exact,
+            ..machine
+        };
+        let (_, exact) = drawn(&scene, &exact).unwrap();
+        assert_ne!(different(&exact, &fixed), 0, "{}", scene.name);
     }
 }
 

@@ -171,13 +171,13 @@ fn cases() -> Vec<(&'static str, Traced, Vec<Unit>)> {
     };
     cases.push(rounded(
         "half precision, operators rounded",
-        &bouquet(60, 16, &json!({"stop": 0.3})),
+        &bouquet(16, 16, &json!({"stop": 0.3})),
         &named("fp16"),
         ellipsoids(),
     ));
     cases.push(rounded(
         "floating point, operators rounded",
-        &cloud(60, 16),
+        &cloud(16, 16),
         &floating,
         discs(),
     ));

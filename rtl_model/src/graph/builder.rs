@@ -706,13 +706,7 @@ impl<'e> Builder<'e> {
     /// multiplier.
     pub fn root(&mut self, name: &str, config: FunctionUnit, x: Wire) -> Wire {
         let word = Exact::from(config.format());
-        let root = self.root_by(
-            name,
-            config,
-            x,
-            Operator::Root,
-            word.times(word).scaled(1),
-        );
+        let root = self.root_by(name, config, x, Operator::Root, word.times(word).scaled(1));
         self.e.times(self.unit, config.format(), config.format());
         root
     }

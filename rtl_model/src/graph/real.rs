@@ -284,13 +284,11 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             }
             Operator::Fit(from, ref fit)
             | Operator::FitShifted(from, _, ref fit)
-            | Operator::Rounded(from, ref fit) => {
-                Outcome::Values(R::fit_each(
-                    of(from),
-                    fit,
-                    &results.relative_to(&node.power),
-                ))
-            }
+            | Operator::Rounded(from, ref fit) => Outcome::Values(R::fit_each(
+                of(from),
+                fit,
+                &results.relative_to(&node.power),
+            )),
             Operator::Largest([a, b, c]) => {
                 let scales = relative_to(a);
                 by_item!(item => {

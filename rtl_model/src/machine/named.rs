@@ -2,8 +2,8 @@
 
 use super::{
     Colour, Ellipse, Ellipsoid, Fragment, FragmentDepth, FunctionUnit, Gauss, Group, Interpolation,
-    Machine, Merge, Operators, Project, Raster, Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat,
-    TableShape, Window, published, timing,
+    Machine, Merge, Operators, Project, Raster, Resolve, Rows, Shade, Sheets, Sort, SortKind,
+    Splat, TableShape, Window, published, timing,
 };
 use crate::num::{Format, Overflow, Rounding, Word};
 

@@ -13,7 +13,7 @@ use crate::elaboration::{Elaboration, Operator, Part, Signal};
 use crate::frame::{Each, Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::timing::Organisation;
-use crate::machine::{Group, MOST_TILE_BITS, Machine, SortKind};
+use crate::machine::{Group, MOST_TILE_BITS, Machine, Operators, SortKind};
 use crate::num::{Fit, Format, MAX_WIDTH_BITS};
 use crate::records::unit;
 use crate::units::fragment::FragmentRegisters;
@@ -38,8 +38,8 @@ pub struct Elaborated {
     pub(crate) ellipse: ellipse::Ellipse,
     /// Harmonics → colour, if the machine evaluates them.
     pub(crate) colour: Option<colour::Colour>,
-    /// Both for discs, on the host.
-    pub(crate) discs: Discs,
+    /// Both for discs, on the host; none where operators round.
+    pub(crate) discs: Option<Discs>,
     /// Depth to key.
     pub(crate) sort: Option<Fit>,
     /// The light of a splat that is lit before it is drawn, as its record has colours.
@@ -163,13 +163,15 @@ impl Machine {
         let disc = &ellipse
             .datapath(ellipse.variant(self.ellipse.aspect.is_some(), None))
             .graph;
-        let discs = Discs::new(
-            self,
-            &e.signals,
-            project.graph(),
-            disc,
-            ellipse.inverse_two_pi(),
-        );
+        let discs = (self.operators == Operators::Exact).then(|| {
+            Discs::new(
+                self,
+                &e.signals,
+                project.graph(),
+                disc,
+                ellipse.inverse_two_pi(),
+            )
+        });
         let sort = self.elaborate_sort(e);
         let contribution = contribution::Contribution::new(e, self);
         let raster = raster::Raster::new(e, self);

@@ -1,6 +1,7 @@
 //! Set up: the first half of the pipeline, the graphs of project and ellipse over batches of
 //! splats.
 
+use super::discs::Discs;
 use super::lists::{Drawn, ListShape, after, merged};
 use super::shading::{EmitEight, emitted, emitting};
 use super::{Culled, Elaborated, run};
@@ -327,10 +328,11 @@ fn set_up_block<P: Probe>(
     if is_disc
         && !P::WORDS
         && !P::TRANSFERS
-        && let Some(host) = Vectorised::detect()
+        && let (Some(discs), Some(host)) = (&machine.discs, Vectorised::detect())
     {
         host.run(SetUpDiscs {
             machine,
+            discs,
             frame,
             splats,
             first,
@@ -378,6 +380,7 @@ fn has_harmonics(machine: &Elaborated, frame: &Frame) -> bool {
 /// Sets discs up by the host's kernel, for a probe that observes none of their words.
 struct SetUpDiscs<'a, 'p, P> {
     machine: &'a Elaborated,
+    discs: &'a Discs,
     frame: &'a Frame,
     splats: &'a [Splat],
     first: u32,
@@ -393,6 +396,7 @@ impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
     fn run<L: Lanes>(self) {
         let SetUpDiscs {
             machine,
+            discs,
             frame,
             splats,
             first,
@@ -403,7 +407,7 @@ impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
         // Copies that nobody else can see: their constants are broadcast to lanes once, outside the
         // loop.
         let (discs, view, size_px) = (
-            machine.discs.clone(),
+            discs.clone(),
             frame.view.clone(),
             [frame.width, frame.height],
         );

@@ -103,6 +103,7 @@ fn change(leaf: &Value, pointer: &str, m: &Mutation) -> Value {
         }
         Value::Number(_) => json!(m.first.unsigned_abs() * 20),
         Value::String(_) if pointer.ends_with("/rows") => choice(&["seeded", "differenced"]),
+        Value::String(_) if pointer == "/operators" => choice(&["exact", "rounded"]),
         Value::String(_) if pointer == "/sort/kind" => {
             choice(&["radix", "tile", "hierarchical", "none"])
         }

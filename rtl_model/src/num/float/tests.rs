@@ -349,8 +349,8 @@ fn operators_that_round_give_the_results_of_the_crate_half() {
     // Numbers below 64 that are multiples of 2^−20: results of FP16 that is not subnormal, and of
     // smaller numbers too.
     let numbers = format("I7F20S11");
-    let [graph, exact] = [Operators::Rounded, Operators::Exact]
-        .map(|operators| sum_of_products(operators, numbers));
+    let [graph, exact] =
+        [Operators::Rounded, Operators::Exact].map(|operators| sum_of_products(operators, numbers));
     let mut state = 1u64;
     let (mut different, mut of_half) = (0, 0);
     for _ in 0..200_000 {
@@ -386,7 +386,10 @@ fn operators_that_round_give_the_results_of_the_crate_half() {
         }
     }
     // Many results differ from those of exact operators, and most are numbers of FP16.
-    assert!(different > 40_000 && of_half > 100_000, "{different}, {of_half}");
+    assert!(
+        different > 40_000 && of_half > 100_000,
+        "{different}, {of_half}"
+    );
 }
 
 proptest! {

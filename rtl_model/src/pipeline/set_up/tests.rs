@@ -73,14 +73,12 @@ impl Kernel for ByKernel<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) -> Self::Output {
         let ByKernel(machine, frame) = self;
+        let discs = machine.discs.as_ref().unwrap();
         let mut all = Vec::new();
         for given in frame.splats.chunks(LANES) {
             let mut eight = [Splat::default(); LANES];
             eight[..given.len()].copy_from_slice(given);
-            let made =
-                machine
-                    .discs
-                    .set_up::<L::Words>(&frame.view, [frame.width, frame.height], &eight);
+            let made = discs.set_up::<L::Words>(&frame.view, [frame.width, frame.height], &eight);
             all.extend(kept(made, given.len()));
         }
         all
