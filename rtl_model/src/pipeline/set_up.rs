@@ -331,7 +331,6 @@ fn set_up_block<P: Probe>(
         && let (Some(discs), Some(host)) = (&machine.discs, Vectorised::detect())
     {
         host.run(SetUpDiscs {
-            machine,
             discs,
             frame,
             splats,
@@ -379,7 +378,6 @@ fn has_harmonics(machine: &Elaborated, frame: &Frame) -> bool {
 
 /// Sets discs up by the host's kernel, for a probe that observes none of their words.
 struct SetUpDiscs<'a, 'p, P> {
-    machine: &'a Elaborated,
     discs: &'a Discs,
     frame: &'a Frame,
     splats: &'a [Splat],
@@ -395,7 +393,6 @@ impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let SetUpDiscs {
-            machine,
             discs,
             frame,
             splats,
