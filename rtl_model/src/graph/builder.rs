@@ -339,11 +339,11 @@ impl<'e> Builder<'e> {
         );
         let significant_bits = if is_float { bits[0] + bits[1] } else { 0 };
         self.significant(product, significant_bits);
-        self.to_be_rounded(product, rounds_to)
+        self.left_unrounded(product, rounds_to)
     }
 
     /// A result, which is rounded if another operator reads it.
-    fn to_be_rounded(&mut self, wire: Wire, significant_bits: Option<i32>) -> Wire {
+    fn left_unrounded(&mut self, wire: Wire, significant_bits: Option<i32>) -> Wire {
         self.unrounded
             .extend(significant_bits.map(|significant_bits| Unrounded {
                 wire,
@@ -393,7 +393,7 @@ impl<'e> Builder<'e> {
         let (shape, signed, power) = node;
         let sum = self.node(operator, shape, signed, power);
         self.significant(sum, bits.map_or(0, |bits| bits + GUARD_BITS));
-        self.to_be_rounded(sum, bits)
+        self.left_unrounded(sum, bits)
     }
 
     /// A sum that is known to have no more than a shape, by an adder as wide.
