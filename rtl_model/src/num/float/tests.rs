@@ -359,7 +359,7 @@ fn operators_that_round_give_the_results_of_the_crate_half() {
                 .wrapping_mul(6364136223846793005)
                 .wrapping_add(1442695040888963407);
             // Any exponent, any significand.
-            let magnitude = (1024 + (state >> 40 & 1023)) << (state >> 32) % 16;
+            let magnitude = (1024 + ((state >> 40) & 1023)) << ((state >> 32) % 16);
             let word = magnitude as i64 * (1 - 2 * (state >> 63) as i64);
             format.value(format.representable(word))
         });
