@@ -90,16 +90,35 @@ impl<'e> Builder<'e> {
         wire
     }
 
-    /// What no word is made from, such as a condition's operand, belongs to the next word.
-    fn name_other_roundings(&mut self) {
+    /// Says to which signal each rounding belongs: to the first word that is made from it, or to the
+    /// next word if none is, as of a condition's operand.
+    fn name_roundings(&mut self) {
+        if !self.e.rounds_operators {
+            return;
+        }
+        // Of each wire the first word that is made from it: its place and its signal.
+        let mut words: Vec<Option<(usize, usize)>> = vec![None; self.nodes.len()];
         let mut next = None;
-        for node in self.nodes.iter_mut().rev() {
-            match &mut node.operator {
-                Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => next = Some(fit.signal),
-                Operator::Rounded(_, fit) if fit.signal == NO_SIGNAL => {
-                    fit.signal = next.unwrap_or_default();
+        for place in (0..self.nodes.len()).rev() {
+            let (word, from) = match &mut self.nodes[place].operator {
+                Operator::Fit(from, fit) | Operator::FitShifted(from, _, fit) => {
+                    next = Some((place, fit.signal));
+                    (next, Some(*from))
                 }
-                _ => {}
+                Operator::Rounded(_, fit) => {
+                    fit.signal = words[place].or(next).map_or(0, |(_, signal)| signal);
+                    (words[place], None)
+                }
+                _ => (words[place], None),
+            };
+            let mut made = |wire: Wire| {
+                let known = &mut words[wire.place()];
+                *known = [*known, word].into_iter().flatten().min();
+            };
+            match from {
+                // Not what decides on its shift.
+                Some(from) => made(from),
+                None => self.nodes[place].operator.reads(made),
             }
         }
     }
@@ -158,22 +177,6 @@ impl<'e> Builder<'e> {
         let rounded = self.word(Operator::Rounded(wire, fit), word, node.power);
         self.unrounded[nth].rounded = Some(rounded);
         rounded
-    }
-
-    /// Says that what is rounded on the way to a wire belongs to a signal.
-    fn name_roundings(&mut self, wire: Wire, signal: usize) {
-        let mut open = vec![wire];
-        while let Some(wire) = open.pop() {
-            match &mut self.nodes[wire.place()].operator {
-                Operator::Fit(..) | Operator::FitShifted(..) => continue,
-                Operator::Rounded(_, fit) if fit.signal != NO_SIGNAL => continue,
-                Operator::Rounded(_, fit) => fit.signal = signal,
-                _ => {}
-            }
-            self.nodes[wire.place()]
-                .operator
-                .reads(|wire| open.push(wire));
-        }
     }
 
     /// A wire with so many significant bits.
@@ -554,7 +557,6 @@ impl<'e> Builder<'e> {
     pub fn fit(&mut self, name: &str, word: Word, from: Wire) -> Wire {
         let node = self.of(from);
         let fit = self.e.fit(self.unit, name, word, node.result());
-        self.name_roundings(from, fit.signal);
         self.word(Operator::Fit(from, fit), word, node.power)
     }
 
@@ -570,7 +572,6 @@ impl<'e> Builder<'e> {
     pub fn fit_to(&mut self, name: &str, word: Word, from: Wire, power: Power) -> Wire {
         let node = self.of(from);
         let fit = self.e.fit_shifted(self.unit, name, word, node.result());
-        self.name_roundings(from, fit.signal);
         let more = self.exponent_of(power.times(node.power.inverse()));
         self.word(Operator::FitShifted(from, more, fit), word, power)
     }
@@ -751,7 +752,7 @@ impl<'e> Builder<'e> {
     /// The graph, with these results.
     pub fn build<const OUTPUTS: usize>(&mut self, outputs: [Wire; OUTPUTS]) -> Graph<OUTPUTS> {
         let outputs = outputs.map(|wire| self.operand(wire));
-        self.name_other_roundings();
+        self.name_roundings();
         self.unrounded.clear();
         let (nodes, functions) = (
             std::mem::take(&mut self.nodes),

@@ -311,3 +311,40 @@ fn a_word_is_made_from_the_words_that_its_operators_read() {
     let formats: Vec<&str> = flow.iter().map(|word| &word.format[..]).collect();
     assert_eq!(formats[..4], ["I12F4", "I9F4", "I8F4", "I10F4"]);
 }
+
+#[test]
+fn a_rounding_belongs_to_the_first_word_that_is_made_from_it() {
+    let word = Word::new("I8F12S6".parse().unwrap());
+    let e = &mut Elaboration::new(Operators::Rounded);
+    let g = &mut Builder::new(e, "unit");
+    let [a, b, c] = [(); 3].map(|()| g.input(word));
+    let (ab, bc, ac) = (g.times(a, b), g.times(b, c), g.times(a, c));
+    let both = g.plus(ab, bc);
+    let first = g.fit("first", word, both);
+    // `both` is rounded for this sum alone; a word of `ab` is already made.
+    let more = g.plus(both, ab);
+    let second = g.fit("second", word, more);
+    // No word is made from this one.
+    let condition = g.above(ac, first);
+    g.drop_where(condition);
+    let third = g.fit("third", word, c);
+    let graph = g.build([first, second, third]);
+    let named: Vec<(Wire, &str)> = graph
+        .body
+        .nodes
+        .iter()
+        .filter_map(|node| match node.operator {
+            Operator::Rounded(from, fit) => Some((from, &e.signals[fit.signal].name[..])),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(
+        named,
+        [
+            (ab, "first"),
+            (bc, "first"),
+            (both, "second"),
+            (ac, "third")
+        ]
+    );
+}
